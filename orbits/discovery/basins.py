@@ -25,6 +25,7 @@ from jaxdyn.ensemble import engine
 from jaxdyn.files.rows import program_text, rows_in
 from jaxdyn.scales import groups
 from jaxdyn.system import differences
+from orbits.analysis.same import minimal_period
 from orbits.analysis.stability import stability
 from orbits.closing.given import drive_period, is_driven
 from orbits.discovery.settling import (
@@ -189,6 +190,9 @@ class _Motions(Settling):
         guess = self._return_time(scene, y)
         if guess is not None:
             orbit = find(scene, y, guess, throw=False)
+            # A slow approach may come near itself only after several periods.
+            if orbit.ok and (shortest := minimal_period(orbit))[1] > 1:
+                orbit = find(scene, orbit.y0, shortest[0], throw=False)
             if orbit.ok and self.apart(np.asarray(orbit.y0)[None], y)[0] < NEWTON:
                 orbits = [a for a in self.attractors if a.kind == ORBIT]
                 if any(self.is_near(a, np.asarray(orbit.y0)[None])[0] for a in orbits):

@@ -7,7 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import refusal
+from helpers import gap, refusal
+from scipy.integrate import solve_ivp
 
 import jaxdyn
 import orbits
@@ -174,6 +175,24 @@ def test_a_driven_oscillator_has_the_published_fractions(tmp_path):
     assert (np.abs(np.sort(found.fractions[:2]) - published) < found.bars[:2] + bar).all()
     figure = found.plot(tmp_path / "basins.png")
     assert "stable orbit of period 6.28319" in figure.legends[0].get_texts()[0].get_text()
+
+
+@pytest.mark.slow
+def test_attractors_have_their_shortest_period():
+    """The first motion to come near one of these orbits does so only every three periods."""
+
+    def damped(t, y):
+        x, v = y
+        return [v, 0.2 * jnp.cos(t) - 0.15 * v + x - x**3]
+
+    scene = jaxdyn.ode(damped, [0.0, 0.0], 60.0, names=["x", "v"])
+    side = np.linspace(-2.0, 2.0, 10)
+    found = orbits.basins(scene, {"x": side, "v": side})
+    assert [gap(a.orbit.period, 2 * np.pi) < 1e-12 for a in found.attractors] == [True, True]
+    assert [len(a.points) for a in found.attractors] == [1, 1]
+    for one in found.attractors:
+        end = solve_ivp(damped, (0.0, 2 * np.pi), one.orbit.y0, rtol=1e-12, atol=1e-13).y[:, -1]
+        assert gap(end, one.orbit.y0) < 1e-9
 
 
 @pytest.mark.slow
