@@ -6,6 +6,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._checks import as_float, floats
+from jaxdyn._units import measure
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import Scene
@@ -33,6 +34,10 @@ TRIO_VELOCITIES = (
 )
 #: The period of this orbit.
 TRIO_PERIOD = 7.19372451258599
+#: The gravitational constant [m^3/(kg s^2), CODATA 2018].
+_G = 6.67430e-11
+#: G times nominal masses [m^3/s^2]. IAU 2015 resolution B3.
+_GRAVITIES = {"Msun": 1.3271244e20, "Mjup": 1.2668653e17, "Mearth": 3.986004e14}
 
 
 @ready_made()
@@ -51,7 +56,7 @@ def three_body(y0=EIGHT, *, m=(1.0, 1.0, 1.0), G=1.0, t1=EIGHT_PERIOD, units=())
 
 @ready_made("r", "v", "m")
 def n_body(
-    r=TRIO, v=TRIO_VELOCITIES, *, m=(1.0, 1.0, 0.3), G=1.0, names=(), t1=TRIO_PERIOD, units=()
+    r=TRIO, v=TRIO_VELOCITIES, *, m=(1.0, 1.0, 0.3), G=None, names=(), t1=TRIO_PERIOD, units=()
 ) -> Scene:
     """Any number of bodies in space under Newtonian gravity.
 
@@ -62,12 +67,14 @@ def n_body(
       r: (n, 3) positions [m], one row for each body.
       v: (n, 3) velocities [m/s].
       m: (n,) masses [kg]; a body of mass 0 is a test particle.
-      G: gravitational constant [m^3/(kg s^2)].
+      G: gravitational constant [m^3/(kg s^2)]; by default 1, or that of nature in `units`.
       names: (n,) names of the bodies; with "Earth" the label of its x is x_Earth, not x1.
       t1: span [s].
       units: names of the units of length, mass and time in which all these numbers are, such as
-        ("AU", "Msun", "day"), where they are not m, kg and s; see `Scene`. G is not derived from
-        them: it is 0.01720209895**2 in these three.
+        ("AU", "Msun", "day"), where they are not m, kg and s; see `Scene`. Those of mass may be kg
+        and g, and the masses of the Sun, Jupiter and the Earth, "Msun", "Mjup" and "Mearth".
+    Raises:
+      ValueError: G is not given, and unknown in these units.
     Reference: Li, Liao (2025), arXiv:2508.08568, O_1(0.3).
     Example:
       >>> from jaxdyn import scenes
@@ -78,7 +85,21 @@ def n_body(
     """
     y0 = jnp.concatenate([as_float(r).ravel(), as_float(v).ravel()])
     bodies = FreePoints(m, d=3, names=names)
-    return Scene(bodies, (PairGravity(G),), y0=y0, t1=t1, units=units or None)
+    gravity = PairGravity(_constant(units) if G is None else G)
+    return Scene(bodies, (gravity,), y0=y0, t1=t1, units=units or None)
+
+
+def _constant(units) -> float:
+    """The gravitational constant in units of length, mass and time; 1 without units."""
+    if not units or len(units) != 3:  # a wrong number of them is refused by `Scene`
+        return 1.0
+    length, mass, time = map(measure, units)
+    strength = _GRAVITIES.get(units[1]) or (mass and mass.size * _G)
+    if not (length and strength and time):
+        named = ", ".join(map(str, units))
+        remedy = "Pass G in these units."
+        raise _checks.fail("units", "known ones, for the default of G", named, remedy)
+    return strength * time.size**2 / length.size**3
 
 
 @ready_made()

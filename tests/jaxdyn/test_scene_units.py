@@ -33,6 +33,28 @@ def test_bodies_of_the_solar_system_have_them():
         scenes.n_body(units=("AU", "day")).check()
 
 
+@pytest.mark.parametrize(
+    ("units", "expected"),
+    [
+        ((), 1.0),
+        (UNITS, GAUSS),  # Gauss's constant is that of 1938
+        (("km", "Mearth", "s"), 398600.4),
+        (("km", "kg", "s"), 6.67430e-20),
+        (("AU", "Msun", "yr"), 4 * np.pi**2),  # Kepler: a year at 1 AU, to 1e-4
+    ],
+)
+def test_the_gravitational_constant_follows_from_units(units, expected):
+    (pull,) = scenes.n_body(units=units).effects
+    assert_allclose(pull.G, expected, rtol=1e-4 if "yr" in units else 1e-8)
+
+
+def test_in_unknown_units_the_gravitational_constant_has_to_be_given():
+    with pytest.raises(ValueError, match=r"units: expected known ones, .* got pc, Msun, Myr"):
+        scenes.n_body(units=("pc", "Msun", "Myr"))
+    (pull,) = scenes.n_body(units=("pc", "Msun", "Myr"), G=4.4985e-3).effects
+    assert float(pull.G) == 4.4985e-3
+
+
 def test_tables_and_pictures_name_them(tmp_path):
     scene = year()
     assert scene.labels()[2] == ("x_Earth", "AU")
