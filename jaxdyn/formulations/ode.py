@@ -119,6 +119,7 @@ def ode(
     integrals: Mapping[str, Callable] | None = None,
     generators: Mapping[str, Callable] | None = None,
     second_order: bool = False,
+    name: str | None = None,
 ) -> Scene:
     """The scene of an ordinary differential equation dy/dt = rate(t, y, params).
 
@@ -149,6 +150,7 @@ def ode(
         one that is linear in the state. They are candidates, as integrals are.
       second_order: True where y = [q, v] with dq/dt = v and dv/dt does not depend on v, which is
         checked: then the default is a method for such equations, mostly about twice as fast.
+      name: the name of the scene, the title of pictures; that of `rate` by default.
     Returns:
       A scene without material points, for everything that takes one.
     Raises:
@@ -157,7 +159,8 @@ def ode(
         ones.
     Limits: a program is compiled for each function, so define them once, not as a lambda in a
       loop; numbers that they capture are constants, and the scene is refused once they have
-      changed. Such a scene cannot be written to a file, since a function cannot.
+      changed. Files hold the numbers of such a scene, not its functions: it is given again to
+      read them.
     Example:
       >>> import jax.numpy as jnp, jaxdyn
       >>> from jaxdyn.analysis import energy
@@ -184,8 +187,8 @@ def ode(
     moves = _by_name("generators", generators, "turn")
     functions = {"rate": rate} | ({} if energy is None else {"energy": energy})
     functions |= {f"integrals {key!r}": function for key, function in extra}
-    for name, function in functions.items():
-        check_function(name, function, params, "t", "y")
+    for called, function in functions.items():
+        check_function(called, function, params, "t", "y")
     for key, function in moves:
         check_function(f"generators {key!r}", function, params, "y")
     system = Ode(
@@ -214,9 +217,9 @@ def ode(
 
         check_value("energy", (), one, energy_of, t, y0)
     for key, _ in moves:
-        name = f"generators {key!r}"
-        check_value(name, y0.shape, each, lambda y, key=key: system.generators(y)[key], y0)
-    scene = Scene(system, y0=y0, t1=t1, name=name_of(rate))
+        called = f"generators {key!r}"
+        check_value(called, y0.shape, each, lambda y, key=key: system.generators(y)[key], y0)
+    scene = Scene(system, y0=y0, t1=t1, name=name_of(rate) if name is None else name)
     if second_order and not _checks.is_traced(scene):
         scene.check()  # `solve` would not, and a wrong claim gives wrong motions
     return scene

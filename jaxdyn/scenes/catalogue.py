@@ -20,6 +20,8 @@ from typing import Any
 from jaxdyn import _checks, _scene_files
 from jaxdyn._arithmetic import setting
 from jaxdyn.formulations import xpp
+from jaxdyn.formulations.functions import name_of
+from jaxdyn.formulations.ode import Ode
 from jaxdyn.integrate.phases import HybridTrajectory, simulate_phases
 from jaxdyn.integrate.simulation import RTOL, simulate
 from jaxdyn.integrate.trajectory import Trajectory
@@ -88,7 +90,10 @@ def entry(name: str) -> Entry:
 
 
 def _check_maker(name: str, make: Callable[..., Any]) -> Callable[..., Scene]:
-    """A function of the user, with a check that it returns a scene."""
+    """A function of the user, with a check that it returns a scene.
+
+    Equations that have the name of their rate, which is mostly "rate", are named after it instead.
+    """
 
     @functools.wraps(make)
     def made(*args, **kwargs) -> Scene:
@@ -96,6 +101,8 @@ def _check_maker(name: str, make: Callable[..., Any]) -> Callable[..., Scene]:
         if not isinstance(scene, Scene):
             got = f"{type(scene).__name__}"
             raise _checks.fail(name, "a function that returns a Scene", got)
+        if isinstance(scene.system, Ode) and scene.name == name_of(scene.system.function):
+            scene = dataclasses.replace(scene, name=name_of(make))
         return scene
 
     return made

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jaxdyn import _scene_files
+from jaxdyn.scenes.catalogue import entry
 
 ROESSLER = '''
 import jaxdyn
@@ -268,3 +269,13 @@ def test_a_diagram_of_it_is_shown_if_the_scene_is_named(folder, command):
     code, _, err = command("orbits", "show", "tilted.jsonl", "--scene", "tilted.py", "--set", "a=1")
     assert code == 2
     assert "--set: expected none for this file, got a=1" in err
+
+
+def test_a_scene_has_the_name_of_its_function_unless_it_has_its_own(folder):
+    named = PLAIN.replace("params=k)", "params=k, name='my decay')")
+    (folder / "named.py").write_text(named)
+    made = [
+        entry(f"{file}.py:{maker}").make()
+        for file, maker in (("mine", "roessler"), ("plain", "fall"), ("named", "fall"))
+    ]
+    assert [scene.name for scene in made] == ["roessler", "fall", "my decay"]
