@@ -395,6 +395,18 @@ class Scene(Record):
             return tuple((name, "1") for name, _ in named)
         return named
 
+    @property
+    def point_names(self) -> tuple[str, ...]:
+        """The names of the material points, those of the bodies where each is one by itself."""
+        count = _points(self).r.shape[0]
+        parts = self.system.bodies(jnp.zeros(()), self.y0)
+        named = {part.points[0]: part.name for part in parts if len(part.points) == 1}
+        return tuple(named.get(i, f"body {i + 1}") for i in range(count))
+
+    def in_units(self, unit: str) -> str:
+        """A unit made of m, kg and s, such as "m/s", in those of the scene."""
+        return unit if self.units is None else _in_units(unit, self.units)
+
     def check(self) -> None:
         """Raise ValueError if a number is invalid; traced numbers pass."""
         if not isinstance(self.name, str):

@@ -91,7 +91,7 @@ def paths(motion: Trajectory | HybridTrajectory, entries: Sequence[str] | None =
         )
     outlines = _common(parts)
     marks = [(outline.name, at[:, 0]) for outline, at in outlines if outline.kind == "trace"]
-    names = tuple(name for name, _ in marks) or tuple(f"body {i + 1}" for i in range(n) if n > 1)
+    names = tuple(name for name, _ in marks) or (pieces[0].scene.point_names if n > 1 else ())
     xyz = np.concatenate([at for _, at in marks], axis=1) if marks else points
     named = _axes(pieces[0], d, which[0])
     symbols, second = _axis_labels(pieces[0], named)

@@ -413,7 +413,7 @@ def _drawing(scene: Scene) -> tuple[list[Outline], list[str], Callable]:
 
     if not n:
         return [], [""], function
-    return outlines, named or [f"body {i + 1}" if n > 1 else "" for i in range(n)], function
+    return outlines, named or ([*scene.point_names] if n > 1 else [""]), function
 
 
 def _outlines(scene: Scene) -> list[Outline]:
@@ -478,7 +478,8 @@ def _axes(scene: Scene) -> dict:
         shown = labels[:3] if len(labels) <= 3 else labels[:2]
         return {"named": [_with_unit(*one) for one in shown], "equal": len(shown) == 3}
     units = dict(labels)
-    named = [_with_unit(x, units.get(x, units.get(f"{x}1", "m"))) for x in "xyz"[:d]]
+    length = scene.in_units("m")
+    named = [_with_unit(x, units.get(x, units.get(f"{x}1", length))) for x in "xyz"[:d]]
     if all(unit == "1" for _, unit in labels):
         named = list("xyz"[:d])
     return {"named": named, "equal": True}
@@ -551,4 +552,4 @@ def _unit(scene: Scene, path: tuple[str, ...]) -> str:
             owner = owner[part]
         else:
             unit, owner = unit_of(type(owner), part), getattr(owner, part)
-    return "" if unit == "1" else unit
+    return "" if unit == "1" else scene.in_units(unit)

@@ -93,3 +93,23 @@ def test_others_are_refused(units):
         dataclasses.replace(year(), units=units).check()
     with pytest.raises(ValueError, match="units: expected names of the units of length"):
         dataclasses.replace(year(), units=units).labels()
+
+
+def test_bodies_are_called_by_their_names_and_measured_in_their_units(tmp_path):
+    scene = scenes.n_body(
+        [[0.0, 0, 0], [1.0, 0, 0]],
+        [[0.0, 0, 0], [0, 0.0172, 0]],
+        m=[1.0, 3e-6],
+        names=["Sun", "Earth"],
+        units=UNITS,
+        t1=365.25,
+    )
+    (ax, *_) = jaxdyn.drawing.trajectory(jaxdyn.simulate(scene)).axes
+    assert ax.get_xlabel() == "x [AU]"
+    shown = {text.get_text() for legend in ax.figure.legends for text in legend.get_texts()}
+    assert {"Sun", "Earth"} <= shown
+    scene.live(tmp_path / "year.html")
+    page = (tmp_path / "year.html").read_text()
+    for said in ('"marks": ["Sun", "Earth"]', '"x [AU]"', '"Msun"', '"AU^3/(Msun day^2)"'):
+        assert said in page
+    assert '"kg"' not in page
