@@ -27,6 +27,8 @@ EQUILIBRIUM_MARKERS = {
 #: Markers of the kinds of points of codimension two, in the order of their first appearance.
 _SHAPES = "^Do*XsvPpd<>"
 _SUBCRITICAL = (0, (4, 2))
+#: Distance of a special point from a line, in lengths of it, up to which it is between its ends.
+_BESIDE = 0.5
 #: Number of straight pieces drawn between two computed points.
 _PIECES = 12
 
@@ -93,10 +95,11 @@ def bifurcation_curves(curves: Sequence, path=None, *, title: str | None = None)
     kinds = list(dict.fromkeys(curve.kind for curve in curves))
     for curve in curves:
         colour = PALETTE[kinds.index(curve.kind) % len(PALETTE)]
-        pairs = itertools.pairwise(curve.points)
-        for which, points in runs((_criticality(*pair), *pair) for pair in pairs):
+        pairs = itertools.pairwise(_with_special(curve))
+        found = runs((_criticality(*pair), *pair) for pair in pairs)
+        lines = smooth(ax, [[x.parameters for x in points] for _, points in found])
+        for (which, _), line in zip(found, lines, strict=True):
             label = " ".join(filter(None, (which, curve.kind)))
-            line = np.array([x.parameters for x in points])
             dashes = _SUBCRITICAL if which == "subcritical" else "-"
             ax.plot(*line.T, color=colour, lw=1.8, ls=dashes, label=label)
     special = [point for curve in curves for point in curve.special]
@@ -128,19 +131,18 @@ def stretches(
     verdict: Callable[[Any], str],
     place: Callable[[Any], np.ndarray],
 ) -> list[tuple[str, list, bool]]:
-    """Runs of points of one verdict, cut at special points, and whether legends name them.
+    """Runs of points of one verdict, through special points, and whether legends name them.
 
     Where the verdict changes without a special point to cut at, the line is drawn like one without
     a verdict. If no point of it is undecided, legends do not name it, since they would name a line
     that nobody sees.
     """
     pieces = []
-    for one, two in itertools.pairwise(points):
+    between = _between(np.array([place(x) for x in points]), special, place)
+    for (one, two), cuts in zip(itertools.pairwise(points), between, strict=True):
         first, last = verdict(one), verdict(two)
-        ends = place(one), place(two)
-        cuts = [x for x in special if first != last and _is_beside(*ends, place(x))]
         if first == last:
-            pieces.append((first, one, two))
+            pieces += [(first, *ends) for ends in itertools.pairwise([one, *cuts, two])]
         elif cuts and "undecided" not in (first, last):
             pieces += [(first, one, cuts[0]), (last, cuts[-1], two)]
         else:
@@ -215,12 +217,33 @@ def _through(lines: list[np.ndarray]) -> list[np.ndarray]:
     return found
 
 
-def _is_beside(a: np.ndarray, b: np.ndarray, x: np.ndarray) -> bool:
-    """Whether x is beside the line from a to b, nearer to it than half its length."""
-    along = b - a
-    share = (x - a) @ along / (along @ along)
-    off = np.linalg.norm(x - a - share * along)
-    return bool(0 <= share <= 1 and off < 0.5 * np.linalg.norm(along))
+def _between(at: np.ndarray, special: Sequence, place: Callable) -> list[list]:
+    """The special points between each two neighbours of points at (n, k), in order.
+
+    Each is beside one of the lines that join them, the nearest, by less than half its length.
+    """
+    found: list[list] = [[] for _ in at[1:]]
+    along = np.diff(at, axis=0)
+    squares = np.maximum(np.sum(along**2, 1), np.finfo(float).tiny)
+    for x in special:
+        off = place(x) - at[:-1]
+        share = np.sum(off * along, 1) / squares
+        apart = np.linalg.norm(off - share[:, None] * along, axis=1) / np.sqrt(squares)
+        apart = np.where((share >= 0) & (share <= 1), apart, np.inf)
+        nearest = int(np.argmin(apart)) if len(apart) else 0
+        if len(apart) and apart[nearest] < _BESIDE:
+            found[nearest].append((share[nearest], x))
+    return [[x for _, x in sorted(several, key=lambda pair: pair[0])] for several in found]
+
+
+def _with_special(curve) -> list:
+    """The points of a curve with its special points in their places."""
+    at = np.array([x.parameters for x in curve.points])
+    extent = np.ptp(at, axis=0)
+    scale = np.where(extent > 0, extent, 1.0)
+    between = _between(at / scale, curve.special, lambda x: np.asarray(x.parameters) / scale)
+    first = [x for one, cuts in zip(curve.points, between, strict=False) for x in (one, *cuts)]
+    return [*first, *curve.points[len(between) :]]
 
 
 def _criticality(one, two) -> str:

@@ -31,3 +31,17 @@ def test_a_change_elsewhere_has_no_name():
 def test_points_without_a_verdict_are_named():
     points = [(0.0, "stable"), (1.0, "undecided"), (2.0, "unstable")]
     assert of(points, [(1.4, "undecided")]) == [("undecided", points, True)]
+
+
+def test_a_line_leads_through_special_points_at_which_its_verdict_stays():
+    turns = [(2.7, "undecided"), (2.2, "undecided")]
+    stable, unstable = POINTS[:2], POINTS[2:]
+    assert of(POINTS, turns)[-1] == ("unstable", [unstable[0], *turns[::-1], unstable[1]], True)
+    assert of(POINTS, turns)[0] == ("stable", stable, True)
+
+
+def test_a_special_point_is_on_the_nearest_line_only():
+    points = [((0.0, 0.0), "stable"), ((2.0, 1.0), "stable"), ((0.0, 1.2), "stable")]
+    special = ((1.0, 0.6), "undecided")
+    found = stretches(points, [special], lambda x: x[1], lambda x: np.array(x[0]))
+    assert found == [("stable", [points[0], special, *points[1:]], True)]
