@@ -29,6 +29,7 @@ MOST_BYTES = 22_000
 _SMALL_DPI, _SMALL_COLOURS = (72, 60, 45, 30), 64  # the first dpi that is small enough
 
 _LEGEND = 0.5  # [in] height of a legend for which a figure has room
+_EDGE = 6.0  # pixels between a title and the side of a figure
 _SHADED = (0.0, 0.9)  # part of a colour map that is used: its end is too faint on white
 
 
@@ -39,9 +40,15 @@ class Picture(Figure):
         """Write the picture, with its layout settled.
 
         Axes with a fixed ratio of their sides are placed by the first pass of the layout, their
-        titles by the second: after one pass a title of two lines is cut off at its top.
+        titles by the second: after one pass a title of two lines is cut off at its top. A title
+        above axes that are not in the middle is moved, if it would be cut off at a side.
         """
         self.draw_without_rendering()
+        for ax in self.axes:
+            box, width = ax.title.get_window_extent(), self.bbox.width
+            off = max(0.0, _EDGE - box.x0) - max(0.0, box.x1 - width + _EDGE)
+            x, y = ax.title.get_position()
+            ax.title.set_position((x + off / ax.bbox.width, y))
         super().savefig(*args, **kwargs)
 
     def _repr_png_(self) -> bytes:

@@ -320,6 +320,14 @@ def test_time_series_say_the_units():
     assert figure.axes[-1].get_xlabel() == "t [s]"
 
 
+def test_a_title_above_axes_at_a_side_is_not_cut_off(tmp_path):
+    scene = scenes.restricted_three_body_in_space(system="earth-moon")
+    figure = drawing.trajectory([simulate(scene, t1) for t1 in (3.0, 2.0)], tmp_path / "moon.png")
+    box = figure.axes[0].title.get_window_extent()
+    assert figure.axes[0].get_title().startswith("restricted_three_body_in_space")
+    assert 0 < box.x0 < box.x1 < figure.bbox.width
+
+
 def test_a_conserved_energy_is_drawn_flat_however_few_the_samples():
     motion = simulate(scenes.double_pendulum(), samples=100)
     (ax,) = drawing.time_series(motion, names=["kinetic", "potential", "total"]).axes
