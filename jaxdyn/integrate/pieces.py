@@ -53,8 +53,25 @@ class Arrival(NamedTuple):
     branch: Branch
 
 
+class Branches(NamedTuple):
+    """The branches of a motion at the times at which its rate may be asked for.
+
+    At a switch it is the one that arrives, as that of tangents there: with both of them the next
+    motion, which begins there in its own branch, has the tangents of a motion that goes on.
+
+    Attributes:
+      last: the one at the end.
+      sampled: (s, ...) those at the samples; None where they were not asked for.
+    """
+
+    last: Branch
+    sampled: Branch | None
+
+
 def has_pieces(field: Any, k: int, limits: Limits) -> bool:
     """Whether motions of a state (k,) are integrated piece by piece."""
+    if isinstance(without_wrappers(field), InBranch):  # a piece, which has no conditions
+        return False
     return bool(plan_of(field, k).size or len(limits.breaks))
 
 
@@ -89,7 +106,7 @@ def first_event(
     """
     no_times = jnp.zeros(0)
     if has_pieces(field, len(y0), limits):
-        return run_pieces(field, events, y0, t0, t1, no_times, limits, sides, method=method)
+        return run_pieces(field, events, y0, t0, t1, no_times, limits, sides, method=method)[:3]
     found = first_crossing(field, events, y0, t0, t1, limits, no_times, sides, method=method)
     return found[0], found[1], None
 
@@ -149,6 +166,7 @@ class _Run(NamedTuple):
       stalled: () number of the last pieces in which it hardly moved.
       kinked: (...) for each tangent, whether the motion has none, see `_Pieces._across`.
       arrival: how it has come to t.
+      sampled: (s, ...) its branches at the samples so far; None where they are not asked for.
     """
 
     t: Array
@@ -167,6 +185,7 @@ class _Run(NamedTuple):
     stalled: Array
     kinked: Array
     arrival: Arrival
+    sampled: Branch | None
 
 
 def run_pieces(
@@ -180,7 +199,8 @@ def run_pieces(
     sides: Sides = (),
     *,
     method: Method,
-) -> tuple[SolveResult, Crossing, Arrival]:
+    sampled: bool = False,
+) -> tuple[SolveResult, Crossing, Arrival, Branches]:
     """The motion of a field with conditions, and the first of some events; without derivatives.
 
     Args:
@@ -193,18 +213,15 @@ def run_pieces(
       limits: see `flow`.
       sides: the sides of the events, see `first_crossing`.
       method: an adaptive one.
+      sampled: whether the branches at the times ts are asked for.
     """
-    system = without_wrappers(field)
-    plan = plan_of(system, len(y0))
-    way = jnp.where(t1 >= t0, 1.0, -1.0)
-    work = _Pieces(plan, field, system, events, t0, t1, ts, limits, sides, way, method)
-
-    run = jax.lax.while_loop(work.goes_on, work.piece, work.start(y0))
+    work = _Pieces.of(field, events, t0, t1, ts, limits, sides, len(y0), method)
+    run = jax.lax.while_loop(work.goes_on, work.piece, work.start(y0, sampled=sampled))
     right = run.result.status == Status.OK
     y1 = jnp.where(right & ~run.kinked[None], run.y, jnp.nan)
     happened = run.event >= 0
     crossing = Crossing(
-        t=jnp.where(happened, run.t, way * jnp.inf),
+        t=jnp.where(happened, run.t, work.way * jnp.inf),
         y=state_of(run.y),
         event=jnp.maximum(run.event, 0),
         status=run.result.status,
@@ -213,7 +230,29 @@ def run_pieces(
         sizes=state_of(run.before.sizes),
         sides=run.sides,
     )
-    return eqx.tree_at(lambda result: result.y1, run.result, y1), crossing, run.arrival
+    result = eqx.tree_at(lambda result: result.y1, run.result, y1)
+    return result, crossing, run.arrival, Branches(run.arrival.branch, run.sampled)
+
+
+def first_branch(field: Any, y0, t0, t1, limits: Limits, *, method: Method) -> Branch | None:
+    """The branch in which a motion begins; None if it has no pieces. Without derivatives.
+
+    On a surface it is that of the motion which follows: a block at rest is held, or begins to slip.
+
+    Args:
+      field: see `flow`.
+      y0: (k, ...) start.
+      t0: () start time.
+      t1: () end time, before or after t0.
+      limits: see `flow`.
+      method: a method, which need not be adaptive.
+    """
+    if not (method.adaptive and has_pieces(field, len(y0), limits)):
+        return None
+    given = jax.lax.stop_gradient(eqx.filter((field, y0, t0, t1), eqx.is_array))
+    field, y0, t0, t1 = eqx.combine(given, (field, y0, t0, t1))
+    work = _Pieces.of(field, (), t0, t1, jnp.zeros(0), limits, (), len(y0), method)
+    return work.begin(y0)[0].branch
 
 
 class _Pieces(NamedTuple):
@@ -231,8 +270,19 @@ class _Pieces(NamedTuple):
     way: Array
     method: Method
 
-    def start(self, y0: Array) -> _Run:
-        """The motion before its first piece."""
+    @classmethod
+    def of(cls, field, events, t0, t1, ts, limits, sides, k: int, method) -> "_Pieces":
+        """The same for a state of k entries."""
+        system = without_wrappers(field)
+        way = jnp.where(t1 >= t0, 1.0, -1.0)
+        plan = plan_of(system, k)
+        return cls(plan, field, system, events, t0, t1, ts, limits, sides, way, method)
+
+    def begin(self, y0: Array) -> tuple[_Run, Array]:
+        """The motion before its first piece, and whether () its rate is left open.
+
+        It has shown nothing of itself, and asks for no branches.
+        """
         zero, none = jnp.zeros((), int), jnp.zeros(self.plan.size, bool)
         rate, first = self.plan.evaluate(self.system, self.t0, state_of(y0))
         given = jnp.concatenate([y0.ravel(), rate, jnp.stack([self.t0, self.t1])])
@@ -263,13 +313,23 @@ class _Pieces(NamedTuple):
             stalled=zero,
             kinked=jnp.zeros(y0.shape[1:], bool),
             arrival=Arrival(jnp.asarray(self.t0), branch),
+            sampled=None,
         )
         branch, ambiguous = self._settle(run)
+        arrival = Arrival(run.t, branch)
+        return run._replace(branch=branch, arrival=arrival), ambiguous
+
+    def start(self, y0: Array, *, sampled: bool) -> _Run:
+        """The motion before its first piece."""
+        run, ambiguous = self.begin(y0)
         # The first piece may be too short to show how large the motion becomes. On a surface where
         # a force jumps, the rate in the branch does not, and the jump is not taken for rounding.
-        here, tolerance = in_branch(self.field, branch), self.limits.tolerance
+        here, tolerance = in_branch(self.field, run.branch), self.limits.tolerance
         known, _ = look_from_start(here, self.t0, y0, self.t1, tolerance, self.method)
-        run = run._replace(branch=branch, before=History(known.sizes, jnp.zeros(())))
+        run = run._replace(before=History(known.sizes, jnp.zeros(())))
+        if sampled:
+            rows = [jnp.broadcast_to(x, (len(self.ts), *x.shape)) for x in run.branch]
+            run = run._replace(sampled=Branch(*rows))
         return _end_if_ambiguous(run, ambiguous)
 
     def goes_on(self, run: _Run) -> Array:
@@ -328,6 +388,7 @@ class _Pieces(NamedTuple):
                 Arrival(run.t, branch),
                 run.arrival,
             ),
+            sampled=_in_rows(within, branch, run.sampled),
         )
         # The branch is kept from piece to piece, never found twice: XLA computes a sine anew for
         # each of its uses, in several ways, and at a switch two of them may have different signs.
@@ -592,6 +653,15 @@ class _Pieces(NamedTuple):
 
         one, other = jax.lax.map(in_order, jnp.array([False, True]))
         return one, (jnp.abs(one - other) > _SAME * _tangent_sizes(run.y, one, other)).any(0)
+
+
+def _in_rows(chosen: Array, branch: Branch, rows: Branch | None) -> Branch | None:
+    """Branches (s, ...), if there are any, with a branch in the rows chosen (s,)."""
+
+    def choose(new, old):
+        return jnp.where(chosen.reshape(-1, *[1] * new.ndim), new[None], old)
+
+    return None if rows is None else jax.tree.map(choose, branch, rows)
 
 
 def _end_if_ambiguous(run: _Run, ambiguous: Array) -> _Run:
