@@ -21,7 +21,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.integrate.flow import SolveResult, flow, flow_and_branches, rate_in
+from jaxdyn.integrate.flow import SolveResult, flow_and_branches, rate_in
 from jaxdyn.integrate.march import Limits
 from jaxdyn.integrate.pieces import first_branch
 from jaxdyn.plan import plan_of
@@ -190,7 +190,7 @@ def _with_nodes(given, limits, method: Method) -> SolveResult:
 @_with_nodes.def_fwd
 def _primal(perturbed, given, limits, method):
     del perturbed
-    out, branches = flow_and_branches(*given, limits, method=method, sampled=True)
+    out, branches = flow_and_branches(*given, limits, False, method=method, sampled=True)
     return out, (out.y1, out.ys, branches)
 
 
@@ -212,9 +212,11 @@ def _gradients(found, slopes, perturbed, given, limits, method):
 
     def piece(carry, node):
         adjoint, mu = carry
-        late, y, early, by_early, there = node
+        late, y, early, by_early, there, inside = node
         start = system.pack(y, adjoint, mu)
-        end = flow(system, start, late, early, ts[:0], limits, method=method).y1
+        # A switch at a node is passed by the piece that ends there; the last one passes none.
+        args = (system, start, late, early, ts[:0], limits, inside)
+        end = flow_and_branches(*args, method=method)[0].y1
         adjoint, mu = system.unpack(end)
         if switches:
             # A motion that slides on a surface does not return from it the way it came.
@@ -227,6 +229,7 @@ def _gradients(found, slopes, perturbed, given, limits, method):
         jnp.concatenate([t0[None], ts]),
         jnp.concatenate([jnp.zeros_like(y0)[None], by_ys]),
         jnp.concatenate([y0[None], ys]),
+        jnp.arange(len(ts) + 1) > 0,
     )
     start = by_y1, jnp.zeros(flat.shape, y0.dtype)  # a field without numbers has no float64
     (by_y0, mu), _ = jax.lax.scan(piece, start, nodes, reverse=True)

@@ -189,7 +189,9 @@ def _split_like(tree, like):
 # ---- The map
 
 
-def flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResult:
+def flow(
+    field, y0, t0, t1, ts, limits: Limits, *, method: Method, passes: bool = True
+) -> SolveResult:
     """States at t1 and at the times ts of the motion that starts at (t0, y0).
 
     Args:
@@ -201,9 +203,10 @@ def flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResul
       ts: (s,) times between t0 and t1 in the order they are passed.
       limits: tolerances or step length, and the maximum numbers of steps.
       method: method of plain solves; variational equations are solved by its `for_tangents`.
+      passes: whether tangents pass a switch at the end, see `pieces.Branches`.
     Limits: derivatives with respect to the tolerance are zero by definition.
     """
-    return flow_and_branches(field, y0, t0, t1, ts, limits, method=method)[0]
+    return flow_and_branches(field, y0, t0, t1, ts, limits, passes, method=method)[0]
 
 
 # Compiled within the rule of derivatives, not around it, and so is that rule: a derivative then
@@ -212,23 +215,36 @@ def flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResul
 @eqx.filter_custom_jvp
 @functools.partial(jax.jit, static_argnames=("method", "sampled"))
 def flow_and_branches(
-    field, y0, t0, t1, ts, limits: Limits, *, method: Method, sampled: bool = False
+    field,
+    y0,
+    t0,
+    t1,
+    ts,
+    limits: Limits,
+    passes: bool | Array = True,
+    *,
+    method: Method,
+    sampled: bool = False,
 ) -> tuple[SolveResult, Branches | None]:
     """The result of `flow`, and the branches of the motion; None where its rate has no conditions.
 
-    Those at the times ts are among them only where they are asked for.
+    Those at the times ts are among them only where they are asked for. For `passes` see
+    `pieces.run_pieces`.
     """
     run = functools.partial(_march, method=method, sampled=sampled)
     # Some of these are known only at run time; the tolerance is often a constant.
     unknown = jnp.isfinite(y0.ravel()[0] + t0 + t1 + limits.tolerance[0])
-    return in_one_kernel(run, (field, y0, t0, t1, ts, limits), unknown=unknown)
+    return in_one_kernel(run, (passes, field, y0, t0, t1, ts, limits), unknown=unknown)
 
 
-def _march(field, y0, *rest, method: Method, sampled: bool) -> tuple[SolveResult, Branches | None]:
+def _march(
+    passes, field, y0, *rest, method: Method, sampled: bool
+) -> tuple[SolveResult, Branches | None]:
     *_, limits = rest
     # A caller who asks for steps of equal length does not want conditions to cut them.
     if method.adaptive and has_pieces(field, len(y0), limits):
-        found = run_pieces(field, (), y0, *rest, method=method, sampled=sampled)
+        options = {"method": method, "passes": passes, "sampled": sampled}
+        found = run_pieces(field, (), y0, *rest, **options)
         return found[0], found[3]
     return march(field, y0, *rest, method=method)[0], None
 
@@ -236,8 +252,8 @@ def _march(field, y0, *rest, method: Method, sampled: bool) -> tuple[SolveResult
 @flow_and_branches.def_jvp
 @functools.partial(jax.jit, static_argnames=("method", "sampled"))
 def _flow_jvp(primals, tangents, *, method, sampled=False):
-    field, y0, t0, t1, ts, limits = primals
-    d_field, d_y0, d_t0, d_t1, d_ts, _ = tangents
+    field, y0, t0, t1, ts, limits, *passes = primals
+    d_field, d_y0, d_t0, d_t1, d_ts, *_ = tangents
     start, sampled = jnp.zeros_like(y0), sampled or d_ts is not None
     if d_t0 is not None:
         start = rate_in(first_branch(field, y0, t0, t1, limits, method=method), field, t0, y0)
@@ -248,7 +264,7 @@ def _flow_jvp(primals, tangents, *, method, sampled=False):
     else:
         whole, start = field, y0
     out, branches = flow_and_branches(
-        whole, start, t0, t1, ts, limits, method=method, sampled=sampled
+        whole, start, t0, t1, ts, limits, *passes, method=method, sampled=sampled
     )
     y1, ys, d_y1, d_ys = out.y1, out.ys, jnp.zeros_like(y0), jnp.zeros_like(out.ys)
     if columns.shape[-1]:

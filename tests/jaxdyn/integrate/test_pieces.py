@@ -352,6 +352,41 @@ def test_derivatives_of_a_motion_that_goes_on_from_where_it_turned(derivative):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("late", [0.0, 1e-14, -1e-14])
+def test_derivatives_of_two_runs_that_join_where_friction_turns_round(late):
+    """They are those of one run, in whichever order rounding sees the turn and the join."""
+
+    def end(x, joint):
+        block = jaxdyn.ode(stuck, x[:2], 20.0, params=x[2])
+        there = jaxdyn.solve(block, joint, rtol=1e-12).y1
+        return jaxdyn.solve(block.starting(there), 4.0, t0=joint, rtol=1e-12).y1
+
+    def in_one(x):
+        return jaxdyn.solve(jaxdyn.ode(stuck, x[:2], 20.0, params=x[2]), 4.0, rtol=1e-12).y1
+
+    x, joint = jnp.array([5.05, -0.2, 0.3]), jnp.pi - jnp.arctan(0.2 / 4.75) + late
+    by_x, by_joint = jax.jacfwd(end, (0, 1))(x, joint)
+    assert np.allclose(by_x, jax.jacfwd(in_one)(x), rtol=0, atol=1e-10)
+    assert np.allclose(by_joint, 0.0, rtol=0, atol=1e-10)
+
+
+@pytest.mark.slow
+def test_adjoints_by_switching_times_at_samples_and_fractions_of_the_span():
+    """A particle is pushed from `on`; the gradient is integrated backwards between fixed times."""
+
+    def ends(on, ts, adjoint=True):
+        scene = jaxdyn.ode(lambda t, y, on: [y[1], t > on], [0.0, 0.0], 10.0, params=on)
+        run = jaxdyn.solve(scene, 10.0, ts=ts, adjoint=adjoint)
+        return run.y1[0] + jnp.sum(run.ys[:, 0])
+
+    for on in (2.5, 5.0, 4.0):
+        ts = jnp.array([1.0, 4.0, 6.0, 7.5])
+        assert abs(jax.grad(ends)(on, ts[:0]) + 10 - on) < 1e-12
+        wanted = -(10 - on) - float(jnp.sum(jnp.maximum(ts - on, 0)))
+        assert abs(jax.grad(ends)(on, ts) - wanted) < 1e-12
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("adjoint", [False, True])
 def test_derivatives_where_two_surfaces_are_crossed_at_once(adjoint):
     # Two oscillators with dry friction, apart: each turns where it would turn alone.
