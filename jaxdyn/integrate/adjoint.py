@@ -214,7 +214,7 @@ def _gradients(found, slopes, perturbed, given, limits, method):
         adjoint, mu = carry
         late, y, early, by_early, there, inside = node
         start = system.pack(y, adjoint, mu)
-        # A switch at a node is passed by the piece that ends there; the last one passes none.
+        # A switch at a node is passed by the piece that ends there, but none is at the start.
         args = (system, start, late, early, ts[:0], limits, inside)
         end = flow_and_branches(*args, method=method)[0].y1
         adjoint, mu = system.unpack(end)
@@ -229,7 +229,7 @@ def _gradients(found, slopes, perturbed, given, limits, method):
         jnp.concatenate([t0[None], ts]),
         jnp.concatenate([jnp.zeros_like(y0)[None], by_ys]),
         jnp.concatenate([y0[None], ys]),
-        jnp.arange(len(ts) + 1) > 0,
+        jnp.concatenate([t0[None], ts]) != t0,
     )
     start = by_y1, jnp.zeros(flat.shape, y0.dtype)  # a field without numbers has no float64
     (by_y0, mu), _ = jax.lax.scan(piece, start, nodes, reverse=True)
