@@ -29,7 +29,7 @@ from jaxdyn.analysis.equilibrium_search.search import (
     low_discrepancy,
     search,
 )
-from jaxdyn.analysis.linearize import Linearization, linearize
+from jaxdyn.analysis.linearize import Linearization, linearize_near
 from jaxdyn.scales import groups
 from jaxdyn.scene import Field, Scene, System, check_scene
 from jaxdyn.system import differences
@@ -293,9 +293,10 @@ def _list_groups(
     groups = sorted(groups, key=lambda group: tuple(places[group[0]]))
     best = [group[0] for group in groups]
     count = [len(group) for group in groups]
+    sizes = np.abs(ends.ys) + box.high - box.low
     return Equilibria(
         states=ends.ys[best],
-        linearizations=tuple(linearize(scene.field, ends.ys[i], t) for i in best),
+        linearizations=tuple(linearize_near(scene.field, ends.ys[i], t, sizes[i]) for i in best),
         kinds=_kinds(scene.field, t, box, ends, best),
         complete=sure[0],
         certainty=sure[1],

@@ -25,10 +25,14 @@ from jaxdyn.analysis.eigenvalues import (
     with_bars,
 )
 from jaxdyn.analysis.scales_at_rest import at_rest
+from jaxdyn.plan import plan_of
 from jaxdyn.scales import groups
 from jaxdyn.scene import Field, Scene, check_scene
 
 _MAX_ASYMMETRY = 1e-9  # relative asymmetry of a stiffness matrix by rounding
+#: Roundings of the state by which a condition may be off its change, and the part of a rate up to
+#: which two are the same.
+_ROUNDINGS, _SAME_RATE = 64, 1e-12
 #: Largest ratio of forces at an equilibrium to those of a displacement by its size; also of speeds.
 _MAX_REST_FORCE = 1e-6
 
@@ -84,8 +88,10 @@ def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
       t: () time [s].
     Raises:
       ValueError: `y` or `t` is not finite or has a wrong shape, or the rate has no derivative.
-    Limits: a centre of a conservative scene is "undecided": linearisation cannot decide. An
-      equilibrium that is a minimum of the potential energy is stable nevertheless.
+    Limits: at a state at which a condition of the rate changes, as where a spring becomes stiffer,
+      the bars contain the eigenvalues on all sides; they are infinite where the rate jumps, as dry
+      friction at rest. A centre of a conservative scene is "undecided": linearisation cannot
+      decide. An equilibrium that is a minimum of the potential energy is stable nevertheless.
     Example:
       >>> from jaxdyn.scenes.springs import oscillator
       >>> linearize(oscillator(c=0.1), [0.0, 0.0]).portrait
@@ -96,21 +102,72 @@ def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
     scene = scene if isinstance(scene, Field) else check_scene(scene)
     _checks.float64()
     y = _checks.array("y", y, (len(scene.system.labels()),))
-    return classify(np.asarray(jacobian(scene, y, _checks.array("t", t, ()))))
+    t = _checks.array("t", t, ())
+    field = scene if isinstance(scene, Field) else scene.field
+    return linearize_near(field, y, t, np.abs(y))
 
 
-def classify(a, doubt: float | None = None) -> Linearization:
+def linearize_near(field: Field, y: Array, t, sizes: np.ndarray) -> Linearization:
+    """The result of `linearize` for a state (k,) that is off by a rounding of sizes (k,)."""
+    others = _beyond_conditions(field, jnp.asarray(t, float), jnp.asarray(y), jnp.asarray(sizes))
+    return classify(np.asarray(jacobian(field, y, t)), others=others)
+
+
+def _beyond_conditions(field: Field, t: Array, y: Array, sizes: Array) -> np.ndarray:
+    """(n, k, k) the Jacobians beyond the conditions of a rate that change at a state.
+
+    They are infinite where the rate itself jumps.
+    """
+    k = len(y)
+    if not plan_of(field, k).on_state:
+        return np.zeros((0, k, k))
+    near, matrices, jumps = map(np.asarray, _each_beyond(field, t, y, sizes))
+    # What is not defined there, as the direction of a spring of no length, is not beyond.
+    near = near & np.isfinite(matrices).all(axis=(1, 2))
+    return np.where(jumps[near, None, None], np.inf, matrices[near])
+
+
+@eqx.filter_jit
+def _each_beyond(field: Field, t: Array, y: Array, sizes: Array) -> tuple[Array, Array, Array]:
+    """For each condition, whether it changes at a state, the Jacobian there, and if rates jump."""
+    plan = plan_of(field, len(y))
+    rate, here = plan.evaluate(field, t, y)
+
+    def margins(y):
+        return plan.evaluate(field, t, y, here.outcomes)[1].margins
+
+    noise = _ROUNDINGS * jnp.finfo(y.dtype).eps * (jnp.abs(jax.jacfwd(margins)(y)) @ sizes)
+    near = (jnp.abs(here.margins) <= noise) & ~jnp.asarray(plan.of_time)
+
+    def beyond(i):
+        changed = jnp.where(jnp.arange(plan.size) == i, here.beyond, here.outcomes)
+
+        def rate(y):
+            return plan.evaluate(field, t, y, changed)[0]
+
+        return jax.jacfwd(rate)(y), rate(y)
+
+    matrices, rates = jax.lax.map(beyond, jnp.arange(plan.size))
+    step = jnp.max(jnp.abs(rates - rate[None]), 1)
+    return near, matrices, step > _SAME_RATE * jnp.max(jnp.abs(rates) + jnp.abs(rate)[None], 1)
+
+
+def classify(a, doubt: float | None = None, others=()) -> Linearization:
     """The result of `linearize` for a given matrix (k, k).
 
     Args:
       a: the matrix, in any units of the entries of the state.
       doubt: the norm of its error besides rounding, in entries of one unit.
+      others: (n, k, k) other matrices that it may be as well, not finite where nothing is known;
+        their eigenvalues are within the bars.
     """
     remedy = "The rate has no derivative there: coincident bodies, a NaN?"
     a = np.asarray(_checks.array("jacobian", a, (None, None), remedy))
     if a.shape[0] != a.shape[1] or not a.size:
         raise _checks.fail("jacobian", "a square matrix", f"shape {a.shape}")
     found = rate_eigenvalues(a, doubt)
+    for other in others:
+        found = found._replace(bars=_bars_that_contain(found, other))
     return Linearization(
         jacobian=a,
         eigenvalues=found.values,
@@ -118,6 +175,16 @@ def classify(a, doubt: float | None = None) -> Linearization:
         verdict=str(rate_verdict(found)),
         portrait=_portrait(found),
     )
+
+
+def _bars_that_contain(found: Eigenvalues, other: np.ndarray) -> np.ndarray:
+    """(k,) bars so wide that each eigenvalue of another matrix is within that of the nearest."""
+    if not np.isfinite(other).all():
+        return np.full(len(other), np.inf)
+    apart = np.abs(found.values[:, None] - rate_eigenvalues(other).values)
+    bars = np.array(found.bars)
+    np.maximum.at(bars, apart.argmin(axis=0), apart.min(axis=0))
+    return bars
 
 
 def _portrait(found: Eigenvalues) -> str:

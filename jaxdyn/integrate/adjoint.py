@@ -21,8 +21,9 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.integrate.flow import SolveResult, flow
+from jaxdyn.integrate.flow import SolveResult, flow_and_branches, rate_in
 from jaxdyn.integrate.march import Limits
+from jaxdyn.integrate.pieces import first_branch
 from jaxdyn.plan import plan_of
 from jaxdyn.plan.branch import Branch, InBranch
 from jaxdyn.scales import Groups, groups_of_names
@@ -183,22 +184,22 @@ def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> So
 
 @eqx.filter_custom_vjp
 def _with_nodes(given, limits, method: Method) -> SolveResult:
-    return flow(*given, limits, method=method)
+    return flow_and_branches(*given, limits, method=method)[0]
 
 
 @_with_nodes.def_fwd
 def _primal(perturbed, given, limits, method):
     del perturbed
-    out = flow(*given, limits, method=method)
-    return out, (out.y1, out.ys)
+    out, branches = flow_and_branches(*given, limits, False, method=method, sampled=True)
+    return out, (out.y1, out.ys, branches)
 
 
 @_with_nodes.def_bwd
-def _gradients(states, slopes, perturbed, given, limits, method):
+def _gradients(found, slopes, perturbed, given, limits, method):
     """Gradients with respect to all inputs, from those with respect to the states."""
     del perturbed
     field, y0, t0, t1, ts = given
-    y1, ys = states
+    y1, ys, branches = found
     by_y1 = jnp.zeros_like(y1) if slopes.y1 is None else slopes.y1
     by_ys = jnp.zeros_like(ys) if slopes.ys is None else slopes.ys
     numbers, _ = eqx.partition(field, eqx.is_inexact_array)
@@ -211,9 +212,11 @@ def _gradients(states, slopes, perturbed, given, limits, method):
 
     def piece(carry, node):
         adjoint, mu = carry
-        late, y, early, by_early, there = node
+        late, y, early, by_early, there, inside = node
         start = system.pack(y, adjoint, mu)
-        end = flow(system, start, late, early, ts[:0], limits, method=method).y1
+        # A switch at a node is passed by the piece that ends there, but none is at the start.
+        args = (system, start, late, early, ts[:0], limits, inside)
+        end = flow_and_branches(*args, method=method)[0].y1
         adjoint, mu = system.unpack(end)
         if switches:
             # A motion that slides on a surface does not return from it the way it came.
@@ -226,10 +229,14 @@ def _gradients(states, slopes, perturbed, given, limits, method):
         jnp.concatenate([t0[None], ts]),
         jnp.concatenate([jnp.zeros_like(y0)[None], by_ys]),
         jnp.concatenate([y0[None], ys]),
+        jnp.concatenate([t0[None], ts]) != t0,
     )
     start = by_y1, jnp.zeros(flat.shape, y0.dtype)  # a field without numbers has no float64
     (by_y0, mu), _ = jax.lax.scan(piece, start, nodes, reverse=True)
-    by_t1 = jnp.sum(by_y1 * field.rate(t1, y1))
-    by_ts = jnp.sum(by_ys * jax.vmap(field.rate)(ts, ys), axis=-1)
-    by_t0 = -jnp.sum(by_y0 * field.rate(t0, y0))
+    first = first_branch(field, y0, t0, t1, limits, method=method)
+    last, sampled = (None, None) if branches is None else branches
+    by_t1 = jnp.sum(by_y1 * rate_in(last, field, t1, y1))
+    rates = jax.vmap(lambda branch, t, y: rate_in(branch, field, t, y))(sampled, ts, ys)
+    by_ts = jnp.sum(by_ys * rates, axis=-1)
+    by_t0 = -jnp.sum(by_y0 * rate_in(first, field, t0, y0))
     return tree(mu / system.shares), by_y0, by_t0, by_t1, by_ts

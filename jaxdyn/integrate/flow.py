@@ -24,8 +24,7 @@ from jaxdyn import _checks
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn.integrate.march import Limits, march
 from jaxdyn.integrate.march import SolveResult as SolveResult
-from jaxdyn.integrate.pieces import run_pieces
-from jaxdyn.plan import plan_of
+from jaxdyn.integrate.pieces import Branches, first_branch, has_pieces, run_pieces
 from jaxdyn.plan.branch import Branch, InBranch, in_branch, jump
 from jaxdyn.plan.plan import without_wrappers
 from jaxdyn.solvers import RADAU9, Method
@@ -190,12 +189,9 @@ def _split_like(tree, like):
 # ---- The map
 
 
-# Compiled within the rule of derivatives, not around it, and so is that rule: a derivative then
-# traces no plain solve besides its own, and several solves of a kind in one program are traced
-# once.
-@eqx.filter_custom_jvp
-@functools.partial(jax.jit, static_argnames="method")
-def flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResult:
+def flow(
+    field, y0, t0, t1, ts, limits: Limits, *, method: Method, passes: bool = True
+) -> SolveResult:
     """States at t1 and at the times ts of the motion that starts at (t0, y0).
 
     Args:
@@ -207,48 +203,87 @@ def flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResul
       ts: (s,) times between t0 and t1 in the order they are passed.
       limits: tolerances or step length, and the maximum numbers of steps.
       method: method of plain solves; variational equations are solved by its `for_tangents`.
+      passes: whether tangents pass a switch at the end, see `pieces.Branches`.
     Limits: derivatives with respect to the tolerance are zero by definition.
     """
-    run = functools.partial(_march, method=method)
+    return flow_and_branches(field, y0, t0, t1, ts, limits, passes, method=method)[0]
+
+
+# Compiled within the rule of derivatives, not around it, and so is that rule: a derivative then
+# traces no plain solve besides its own, and several solves of a kind in one program are traced
+# once.
+@eqx.filter_custom_jvp
+@functools.partial(jax.jit, static_argnames=("method", "sampled"))
+def flow_and_branches(
+    field,
+    y0,
+    t0,
+    t1,
+    ts,
+    limits: Limits,
+    passes: bool | Array = True,
+    *,
+    method: Method,
+    sampled: bool = False,
+) -> tuple[SolveResult, Branches | None]:
+    """The result of `flow`, and the branches of the motion; None where its rate has no conditions.
+
+    Those at the times ts are among them only where they are asked for. For `passes` see
+    `pieces.run_pieces`.
+    """
+    run = functools.partial(_march, method=method, sampled=sampled)
     # Some of these are known only at run time; the tolerance is often a constant.
     unknown = jnp.isfinite(y0.ravel()[0] + t0 + t1 + limits.tolerance[0])
-    return in_one_kernel(run, (field, y0, t0, t1, ts, limits), unknown=unknown)
+    return in_one_kernel(run, (passes, field, y0, t0, t1, ts, limits), unknown=unknown)
 
 
-def _march(field, y0, *rest, method: Method) -> SolveResult:
+def _march(
+    passes, field, y0, *rest, method: Method, sampled: bool
+) -> tuple[SolveResult, Branches | None]:
     *_, limits = rest
-    if isinstance(without_wrappers(field), InBranch):  # a piece, which has no conditions
-        return march(field, y0, *rest, method=method)[0]
-    plan = plan_of(field, len(y0))
     # A caller who asks for steps of equal length does not want conditions to cut them.
-    if (plan.size or len(limits.breaks)) and method.adaptive:
-        return run_pieces(field, (), y0, *rest, method=method)[0]
-    return march(field, y0, *rest, method=method)[0]
+    if method.adaptive and has_pieces(field, len(y0), limits):
+        options = {"method": method, "passes": passes, "sampled": sampled}
+        found = run_pieces(field, (), y0, *rest, **options)
+        return found[0], found[3]
+    return march(field, y0, *rest, method=method)[0], None
 
 
-@flow.def_jvp
-@functools.partial(jax.jit, static_argnames="method")
-def _flow_jvp(primals, tangents, *, method):
-    field, y0, t0, t1, ts, limits = primals
-    d_field, d_y0, d_t0, d_t1, d_ts, _ = tangents
-    f0 = field.rate(t0, y0)
-    columns, directions, multiply = tangent_columns(field, y0, f0, d_field, d_y0, d_t0)
+@flow_and_branches.def_jvp
+@functools.partial(jax.jit, static_argnames=("method", "sampled"))
+def _flow_jvp(primals, tangents, *, method, sampled=False):
+    field, y0, t0, t1, ts, limits, *passes = primals
+    d_field, d_y0, d_t0, d_t1, d_ts, *_ = tangents
+    start, sampled = jnp.zeros_like(y0), sampled or d_ts is not None
+    if d_t0 is not None:
+        start = rate_in(first_branch(field, y0, t0, t1, limits, method=method), field, t0, y0)
+    columns, directions, multiply = tangent_columns(field, y0, start, d_field, d_y0, d_t0)
     if columns.shape[-1]:
-        start = jnp.concatenate([y0[..., None], columns], axis=-1)
+        whole, start = Variational(field, directions), jnp.concatenate([y0[..., None], columns], -1)
         method = method.for_tangents
-        out = flow(Variational(field, directions), start, t0, t1, ts, limits, method=method)
+    else:
+        whole, start = field, y0
+    out, branches = flow_and_branches(
+        whole, start, t0, t1, ts, limits, *passes, method=method, sampled=sampled
+    )
+    y1, ys, d_y1, d_ys = out.y1, out.ys, jnp.zeros_like(y0), jnp.zeros_like(out.ys)
+    if columns.shape[-1]:
         y1, ys = out.y1[..., 0], out.ys[..., 0]
         d_y1, d_ys = multiply(out.y1[..., 1:]), multiply(out.ys[..., 1:])
-    else:
-        out = flow(field, y0, t0, t1, ts, limits, method=method)
-        y1, ys, d_y1, d_ys = out.y1, out.ys, jnp.zeros_like(y0), jnp.zeros_like(out.ys)
     if d_t1 is not None:
-        d_y1 = d_y1 + field.rate(t1, y1) * d_t1
+        d_y1 = d_y1 + rate_in(branches and branches.last, field, t1, y1) * d_t1
     if d_ts is not None:
-        rates = jax.vmap(field.rate)(ts, ys)
+        here = branches and branches.sampled
+        rates = jax.vmap(lambda branch, t, y: rate_in(branch, field, t, y))(here, ts, ys)
         d_ys = d_ys + rates * d_ts.reshape(-1, *[1] * y0.ndim)
     result = dataclasses.replace(out, y1=y1, ys=ys)
-    return result, SolveResult(y1=d_y1, ys=d_ys, steps=None, rejected=None, status=None, stiff=None)
+    d_out = SolveResult(y1=d_y1, ys=d_ys, steps=None, rejected=None, status=None, stiff=None)
+    return (result, branches), (d_out, jax.tree.map(lambda _: None, branches))
+
+
+def rate_in(branch: Branch | None, field: Any, t: Array, y: Array) -> Array:
+    """The rate of a field in a branch of its conditions, if there is one."""
+    return (field if branch is None else in_branch(field, branch)).rate(t, y)
 
 
 # ---- The switch from the default method to another, where it turns out not to suit the motion

@@ -37,6 +37,9 @@ _PARALLEL = 1e-6
 #: Number of surfaces that are crossed one by one, and the part of a tangent by which the results of
 #: two orders may differ.
 _MOST_CROSSED, _SAME = 32, 1e-6
+#: Tolerances of a step, in parts of the span, by which the time of a switch is known: up to this
+#: one, and after the start or before the end by less, it happens there.
+_TIMES_KNOWN, _COARSEST_KNOWN = 16, 1e-10
 #: Part of the rate by which the sum of the jumps at several surfaces may miss the jump at all.
 _MISFIT = 1e-9
 
@@ -53,8 +56,26 @@ class Arrival(NamedTuple):
     branch: Branch
 
 
+class Branches(NamedTuple):
+    """The branches of a motion at the times at which its rate may be asked for.
+
+    A motion that begins or ends on a surface at which the rate jumps has the tangents of one that
+    begins and ends just behind it. So several motions, each of which begins where another ends,
+    have the tangents of the whole, also where the last ends at the start of the first.
+
+    Attributes:
+      last: the one at the end: on a surface the one behind it, or before it if that was asked for.
+      sampled: (s, ...) those at the samples; None where they were not asked for.
+    """
+
+    last: Branch
+    sampled: Branch | None
+
+
 def has_pieces(field: Any, k: int, limits: Limits) -> bool:
     """Whether motions of a state (k,) are integrated piece by piece."""
+    if isinstance(without_wrappers(field), InBranch):  # a piece, which has no conditions
+        return False
     return bool(plan_of(field, k).size or len(limits.breaks))
 
 
@@ -89,7 +110,7 @@ def first_event(
     """
     no_times = jnp.zeros(0)
     if has_pieces(field, len(y0), limits):
-        return run_pieces(field, events, y0, t0, t1, no_times, limits, sides, method=method)
+        return run_pieces(field, events, y0, t0, t1, no_times, limits, sides, method=method)[:3]
     found = first_crossing(field, events, y0, t0, t1, limits, no_times, sides, method=method)
     return found[0], found[1], None
 
@@ -149,6 +170,8 @@ class _Run(NamedTuple):
       stalled: () number of the last pieces in which it hardly moved.
       kinked: (...) for each tangent, whether the motion has none, see `_Pieces._across`.
       arrival: how it has come to t.
+      passed: () whether it has passed a switch at its end.
+      sampled: (s, ...) its branches at the samples so far; None where they are not asked for.
     """
 
     t: Array
@@ -167,6 +190,8 @@ class _Run(NamedTuple):
     stalled: Array
     kinked: Array
     arrival: Arrival
+    passed: Array
+    sampled: Branch | None
 
 
 def run_pieces(
@@ -180,7 +205,9 @@ def run_pieces(
     sides: Sides = (),
     *,
     method: Method,
-) -> tuple[SolveResult, Crossing, Arrival]:
+    passes: bool | Array = True,
+    sampled: bool = False,
+) -> tuple[SolveResult, Crossing, Arrival, Branches]:
     """The motion of a field with conditions, and the first of some events; without derivatives.
 
     Args:
@@ -193,18 +220,16 @@ def run_pieces(
       limits: see `flow`.
       sides: the sides of the events, see `first_crossing`.
       method: an adaptive one.
+      passes: whether tangents pass a switch at the end, see `Branches`.
+      sampled: whether the branches at the times ts are asked for.
     """
-    system = without_wrappers(field)
-    plan = plan_of(system, len(y0))
-    way = jnp.where(t1 >= t0, 1.0, -1.0)
-    work = _Pieces(plan, field, system, events, t0, t1, ts, limits, sides, way, method)
-
-    run = jax.lax.while_loop(work.goes_on, work.piece, work.start(y0))
+    work = _Pieces.of(field, events, t0, t1, ts, limits, sides, len(y0), method, passes)
+    run = jax.lax.while_loop(work.goes_on, work.piece, work.start(y0, sampled=sampled))
     right = run.result.status == Status.OK
     y1 = jnp.where(right & ~run.kinked[None], run.y, jnp.nan)
     happened = run.event >= 0
     crossing = Crossing(
-        t=jnp.where(happened, run.t, way * jnp.inf),
+        t=jnp.where(happened, run.t, work.way * jnp.inf),
         y=state_of(run.y),
         event=jnp.maximum(run.event, 0),
         status=run.result.status,
@@ -213,7 +238,31 @@ def run_pieces(
         sizes=state_of(run.before.sizes),
         sides=run.sides,
     )
-    return eqx.tree_at(lambda result: result.y1, run.result, y1), crossing, run.arrival
+    result = eqx.tree_at(lambda result: result.y1, run.result, y1)
+    last = run.arrival.branch
+    last = jax.tree.map(lambda a, b: jnp.where(passes, a, b), run.branch, last)
+    return result, crossing, run.arrival, Branches(last, run.sampled)
+
+
+def first_branch(field: Any, y0, t0, t1, limits: Limits, *, method: Method) -> Branch | None:
+    """The branch in which a motion begins; None if it has no pieces. Without derivatives.
+
+    On a surface it is that of the motion which follows: a block at rest is held, or begins to slip.
+
+    Args:
+      field: see `flow`.
+      y0: (k, ...) start.
+      t0: () start time.
+      t1: () end time, before or after t0.
+      limits: see `flow`.
+      method: a method, which need not be adaptive.
+    """
+    if not (method.adaptive and has_pieces(field, len(y0), limits)):
+        return None
+    given = jax.lax.stop_gradient(eqx.filter((field, y0, t0, t1), eqx.is_array))
+    field, y0, t0, t1 = eqx.combine(given, (field, y0, t0, t1))
+    work = _Pieces.of(field, (), t0, t1, jnp.zeros(0), limits, (), len(y0), method, True)
+    return work.behind(work.begin(y0)[0])
 
 
 class _Pieces(NamedTuple):
@@ -230,9 +279,21 @@ class _Pieces(NamedTuple):
     sides: Sides
     way: Array
     method: Method
+    passes: bool | Array
 
-    def start(self, y0: Array) -> _Run:
-        """The motion before its first piece."""
+    @classmethod
+    def of(cls, field, events, t0, t1, ts, limits, sides, k: int, method, passes) -> "_Pieces":
+        """The same for a state of k entries."""
+        system = without_wrappers(field)
+        way = jnp.where(t1 >= t0, 1.0, -1.0)
+        plan = plan_of(system, k)
+        return cls(plan, field, system, events, t0, t1, ts, limits, sides, way, method, passes)
+
+    def begin(self, y0: Array) -> tuple[_Run, Array]:
+        """The motion before its first piece, and whether () its rate is left open.
+
+        It has shown nothing of itself, and asks for no branches.
+        """
         zero, none = jnp.zeros((), int), jnp.zeros(self.plan.size, bool)
         rate, first = self.plan.evaluate(self.system, self.t0, state_of(y0))
         given = jnp.concatenate([y0.ravel(), rate, jnp.stack([self.t0, self.t1])])
@@ -263,19 +324,62 @@ class _Pieces(NamedTuple):
             stalled=zero,
             kinked=jnp.zeros(y0.shape[1:], bool),
             arrival=Arrival(jnp.asarray(self.t0), branch),
+            passed=jnp.zeros((), bool),
+            sampled=None,
         )
         branch, ambiguous = self._settle(run)
+        arrival = Arrival(run.t, branch)
+        return run._replace(branch=branch, arrival=arrival), ambiguous
+
+    def behind(self, run: _Run) -> Branch:
+        """The first branch of a motion; of one that starts just before a surface, that behind it.
+
+        So it is for tangents, see `_after_switch`.
+        """
+        if not self.plan.on_state:
+            return run.branch
+        x = state_of(run.y)
+        following, crossed, known = self._switch(run.branch, run.t, x, jnp.asarray(-1), True)
+        beyond = run._replace(
+            branch=following, old=run.branch, crossed=crossed, known=known, begun=crossed.any()
+        )
+        branch, ambiguous = self._settle(beyond)
+        passes = crossed.any() & ~ambiguous
+        return jax.tree.map(lambda a, b: jnp.where(passes, a, b), branch, run.branch)
+
+    def start(self, y0: Array, *, sampled: bool) -> _Run:
+        """The motion before its first piece."""
+        run, ambiguous = self.begin(y0)
         # The first piece may be too short to show how large the motion becomes. On a surface where
         # a force jumps, the rate in the branch does not, and the jump is not taken for rounding.
-        here, tolerance = in_branch(self.field, branch), self.limits.tolerance
+        here, tolerance = in_branch(self.field, run.branch), self.limits.tolerance
         known, _ = look_from_start(here, self.t0, y0, self.t1, tolerance, self.method)
-        run = run._replace(branch=branch, before=History(known.sizes, jnp.zeros(())))
+        run = run._replace(before=History(known.sizes, jnp.zeros(())))
+        if sampled:
+            rows = [jnp.broadcast_to(x, (len(self.ts), *x.shape)) for x in run.branch]
+            run = run._replace(sampled=Branch(*rows))
         return _end_if_ambiguous(run, ambiguous)
 
     def goes_on(self, run: _Run) -> Array:
         """Whether another piece follows."""
-        unfinished = (self.way * run.t < self.way * self.t1) & (run.event < 0)
-        return unfinished & (run.result.status == Status.OK)
+        unfinished = (self.way * run.t < self.way * self.t1) | self._is_before_switch(run)
+        return unfinished & (run.event < 0) & (run.result.status == Status.OK)
+
+    def _is_before_switch(self, run: _Run) -> Array:
+        """Whether () tangents at the end have to pass a switch, in a piece of no length."""
+        if not hasattr(self.field, "jump"):
+            return jnp.zeros((), bool)
+        in_time = jnp.asarray(self.plan.of_time) & (run.branch.outcomes != run.old.outcomes)
+        switches = run.crossed.any() | in_time.any() | (run.left >= 0)
+        return self.passes & run.begun & ~run.passed & switches
+
+    @property
+    def _known(self) -> Array:
+        """() the time up to which that of a switch is known."""
+        eps = jnp.finfo(float).eps
+        step = jnp.clip(self.limits.tolerance[0], eps, _COARSEST_KNOWN)
+        span, last = jnp.abs(self.t1 - self.t0), jnp.maximum(jnp.abs(self.t0), jnp.abs(self.t1))
+        return _TIMES_KNOWN * step * span + _MARGIN_ROUNDINGS * eps * last
 
     def piece(self, run: _Run) -> _Run:
         """The motion one piece further."""
@@ -306,7 +410,8 @@ class _Pieces(NamedTuple):
         )
         event = jnp.where(index < len(self.events), index, -1)
         margin = index - len(self.events)
-        following, crossed, known = self._switch(branch, end, state_of(y_end), margin)
+        over = self.way * end >= self.way * self.t1
+        following, crossed, known = self._switch(branch, end, state_of(y_end), margin, over)
         reached = _Run(
             t=end,
             y=y_end,
@@ -323,16 +428,33 @@ class _Pieces(NamedTuple):
             before=History(sizes, jnp.maximum(run.before.step, step)),
             stalled=stalled,
             kinked=kinked,
-            arrival=jax.tree.map(
-                lambda new, old: jnp.where(end == run.t, old, new),
-                Arrival(run.t, branch),
-                run.arrival,
-            ),
+            arrival=self._arrival(run, end, over),
+            passed=self.way * run.t >= self.way * self.t1,
+            sampled=_in_rows(within, branch, run.sampled),
         )
+        return self._settled(reached, over)
+
+    def _arrival(self, run: _Run, end: Array, over: Array) -> Arrival:
+        """How the motion arrives at the end of a piece."""
+        # A piece that a switch at the very end leaves over is none that arrives.
+        rest = ~jnp.asarray(self.passes) & run.crossed.any() & over
+        rest = (end == run.t) | (rest & (jnp.abs(end - run.t) <= self._known))
+        new = Arrival(run.t, run.branch)
+        return jax.tree.map(lambda new, old: jnp.where(rest, old, new), new, run.arrival)
+
+    def _settled(self, reached: _Run, over: Array) -> _Run:
+        """The motion after a piece with the branch of the next one; `over` if there is none."""
         # The branch is kept from piece to piece, never found twice: XLA computes a sine anew for
         # each of its uses, in several ways, and at a switch two of them may have different signs.
         branch, ambiguous = self._settle(reached)
-        return _end_if_ambiguous(reached._replace(branch=branch), ambiguous & self.goes_on(reached))
+        # Where the motion is over, what would follow need not be known, or is known already.
+        stays = (ambiguous & over) | reached.passed
+        reached = reached._replace(
+            branch=jax.tree.map(lambda old, new: jnp.where(stays, old, new), reached.old, branch),
+            crossed=reached.crossed & ~stays,
+            left=jnp.where(stays, -1, reached.left),
+        )
+        return _end_if_ambiguous(reached, ambiguous & self.goes_on(reached))
 
     def _before_break(self, t: Array, now: Array) -> Array:
         """The time `now`, or the first after t at which a step ends by request."""
@@ -394,8 +516,16 @@ class _Pieces(NamedTuple):
         pairs = zip(self.events, self.sides, strict=True)
         return [jnp.broadcast_to(jnp.asarray(side, float), count(event)) for event, side in pairs]
 
-    def _switch(self, branch: Branch, t: Array, x: Array, index: Array):
-        """The branch after a condition has changed, and which are crossed and which are known."""
+    def _switch(self, branch: Branch, t: Array, x: Array, index: Array, near: Array | bool):
+        """The branch after a condition has changed, and which are crossed and which are known.
+
+        Args:
+          branch: the branch before.
+          t: () time.
+          x: (k,) state.
+          index: () number of the margin that has fallen to zero; negative for none.
+          near: whether a condition that is about to change counts as changed, if none has.
+        """
         e = self.plan.size
         if not self.plan.on_state:
             return branch, jnp.zeros(e, bool), jnp.zeros(e, bool)
@@ -404,6 +534,10 @@ class _Pieces(NamedTuple):
         rate = InBranch(self.system, branch).rate(t, x)
         along = by_time + jnp.sum(rows * rate[None], 1)
         noise = self._noise(t, x, by_time, rows)
+        left = jnp.where(self.way * along < 0, jnp.abs(here.margins / along), jnp.inf)
+        left = jnp.where(jnp.asarray(self.plan.of_time) | branch.surface, jnp.inf, left)
+        soon = near & (index < 0) & (jnp.min(left) <= self._known)
+        index = jnp.where(soon, jnp.argmin(left), index)
         own = jnp.arange(e) == index
         # Conditions that change within rounding of one time change together.
         off = jnp.sum(jnp.where(own, jnp.abs(here.margins / along), 0.0))
@@ -547,6 +681,11 @@ class _Pieces(NamedTuple):
         # Rates are continuous where sliding ends, but those of tangents are not.
         left = (run.left >= 0) & ((run.left < self.plan.size) | (run.y.ndim > 2))
         jumps = run.begun & (run.crossed.any() | changed.any() | left)
+        # A switch just after the start has happened before it, one just before the end after it if
+        # tangents do not pass it.
+        early = (jnp.abs(run.t - self.t0) <= self._known) & ~branch.slides
+        late = (jnp.abs(self.t1 - run.t) <= self._known) & ~jnp.asarray(self.passes)
+        jumps = jumps & ~(run.crossed.any() & (early | late))
         # A motion that starts on a surface and slides is stopped there at once from beside it.
         jumps = jumps | (~run.begun & branch.slides)
         if not self.plan.most_surfaces:
@@ -592,6 +731,15 @@ class _Pieces(NamedTuple):
 
         one, other = jax.lax.map(in_order, jnp.array([False, True]))
         return one, (jnp.abs(one - other) > _SAME * _tangent_sizes(run.y, one, other)).any(0)
+
+
+def _in_rows(chosen: Array, branch: Branch, rows: Branch | None) -> Branch | None:
+    """Branches (s, ...), if there are any, with a branch in the rows chosen (s,)."""
+
+    def choose(new, old):
+        return jnp.where(chosen.reshape(-1, *[1] * new.ndim), new[None], old)
+
+    return None if rows is None else jax.tree.map(choose, branch, rows)
 
 
 def _end_if_ambiguous(run: _Run, ambiguous: Array) -> _Run:

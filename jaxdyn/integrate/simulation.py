@@ -224,6 +224,24 @@ def solve(
     return _solve(scene, span, run_limits, method, **extras)[0]
 
 
+def solve_to_end(scene: Scene, t1, *, rtol: float, solver: Solver | None = None) -> SolveResult:
+    """The result of `solve` for a motion that an event ends at t1.
+
+    Where a force jumps just then, as that of friction does where a block stops, derivatives are
+    those of the motion that arrives; with `solve` they are those of the motion that goes on.
+
+    Args:
+      scene: see `solve`.
+      t1: see `solve`.
+      rtol: see `solve`.
+      solver: see `solve`.
+    """
+    run_limits = limits(SolverOptions(rtol, None, solver, MAX_STEPS, None, ()))
+    method = check_method(scene, solver, rtol=rtol)
+    times = as_float(0.0), as_float(t1), np.zeros(0)
+    return _solve(scene, times, run_limits, method, default=solver is None, passes=False)[0]
+
+
 def _solve(
     scene: Scene,
     span: Span,
@@ -234,10 +252,12 @@ def _solve(
     fixed: bool = False,
     adjoint: bool = False,
     noise: Noise | None = None,
+    passes: bool = True,
 ) -> tuple[SolveResult, bool]:
     """The result of `solve` by a method, and whether `RADAU9` took over.
 
-    It may do so where the method is the default and nothing is traced.
+    It may do so where the method is the default and nothing is traced. For `passes` see
+    `pieces.run_pieces`.
     """
     y0, n = as_float(scene.y0), len(span[-1])
     field = FixedField(scene.field) if fixed else scene.field
@@ -251,7 +271,8 @@ def _solve(
     elif n and not adjoint:
         # NaN is never reached. Derivatives would see it, and traces recompile anyway.
         ts = np.append(ts, np.full(padding(n, y0.size), np.nan))
-    march = _reverse_flow if adjoint else flow if traced else _compiled_flow
+    traced_flow = functools.partial(flow, passes=passes)
+    march = _reverse_flow if adjoint else traced_flow if traced else _compiled_flow
     run = functools.partial(march, field, y0, t0, t1, ts)
     out, switched = run_or_switch(run, run_limits, method, default=default and not traced)
     if not switched and len(ts) == n:

@@ -24,7 +24,7 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn._numerics import value_and_jacfwd
 from jaxdyn.integrate.phase import Phase
-from jaxdyn.integrate.simulation import solve
+from jaxdyn.integrate.simulation import solve, solve_to_end
 from jaxdyn.solvers import Method
 from orbits.closing.sizes import sizes
 from orbits.hybrid.legs import HybridOrbit, Leg, Path
@@ -259,7 +259,7 @@ def _end(leg: Leg, y: Array, span, rtol, *, solver: Method | None):
 
 
 def _passage(leg: Leg, y: Array, span, rtol):
-    end = solve(leg.scene.starting(y), span, rtol=rtol).y1
+    end = solve_to_end(leg.scene.starting(y), span, rtol=rtol).y1
     both = leg.change(span, end), _ends(leg, span, end)
     return both, (*both, end)
 

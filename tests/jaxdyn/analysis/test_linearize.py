@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers import DIFFED, EXACT, Arm, central_difference, gap, refusal
 
-from jaxdyn import Effect, Scene, simulate
+from jaxdyn import Effect, Scene, ode, simulate
 from jaxdyn.analysis import linearize
 from jaxdyn.analysis.constraints import conditioning
 from jaxdyn.analysis.eigenvalues import ERROR_SAFETY, ROUNDING
@@ -228,3 +228,38 @@ def test_within_jit_modes_are_those_of_a_captured_scene_and_linearize_is_refused
     np.testing.assert_allclose(found, [6.0], rtol=1e-14)
     with pytest.raises(ValueError, match="linearize: expected numbers, got values traced"):
         jax.jit(lambda v: linearize.linearize(rest, jnp.stack([0.0, v])).bars)(0.0)
+
+
+def _stiffer_behind(t, y):
+    return [y[1], -jnp.where(y[0] > 0, 4.0, 1.0) * y[0] - 0.1 * y[1]]
+
+
+def _half_stable(t, y):
+    return [jnp.where(y[0] > 0, y[0], -2 * y[0])]
+
+
+def test_where_a_rate_bends_the_bars_contain_the_eigenvalues_of_both_sides():
+    spring = ode(_stiffer_behind, [0.0, 0.0], 1.0)
+    found = linearize.linearize(spring, [0.0, 0.0])
+    for stiffness in (1.0, 4.0):
+        for value in np.roots([1.0, 0.1, stiffness]):
+            assert (np.abs(found.eigenvalues - value) <= found.bars + 1e-14).any()
+    assert found.verdict == "undecided"
+    assert linearize.linearize(spring, [0.1, 0.0]).verdict == "stable"
+    # Pushed away on one side: dx/dt = x or -2 x.
+    found = equilibria(ode(_half_stable, [0.5], 1.0), [-1.0], [1.2])
+    assert [one.verdict for one in found.linearizations] == ["undecided"]
+
+
+def test_where_a_rate_jumps_bars_are_infinite_and_where_it_is_smooth_they_are_narrow():
+    rubbed = ode(lambda t, y: [y[1], -y[0] - 0.3 * jnp.sign(y[1])], [0.1, 0.0], 1.0)
+    assert np.isinf(linearize.linearize(rubbed, [0.1, 0.0]).bars).all()
+    # Contact by Hertz's law has no stiffness where it begins.
+    touching = ode(
+        lambda t, y: [y[1], -y[0] + 1e3 * jnp.maximum(0.0, -y[0]) ** 1.5 - 0.1 * y[1]],
+        [0.0, 0.0],
+        1.0,
+    )
+    found = linearize.linearize(touching, [0.0, 0.0])
+    assert found.verdict == "stable"
+    assert (found.bars < 1e-13).all()

@@ -306,6 +306,87 @@ def test_blocks_on_each_other_slide_together_and_then_apart():
 
 
 @pytest.mark.slow
+def test_derivatives_by_times_of_a_block_that_starts_from_rest_and_is_held():
+    """It is released at a distance a, follows f + (a - f) cos(t - t0), and stays at -0.25."""
+
+    def states(t0, ts, adjoint=False):
+        scene = jaxdyn.ode(stuck, [2.05, 0.0], 20.0, params=0.3)
+        run = jaxdyn.solve(scene, ts[-1], t0=t0, ts=ts, rtol=1e-12, adjoint=adjoint)
+        return jnp.concatenate([run.ys, run.y1[None]])
+
+    def exactly(t0, ts):
+        t = jnp.where(ts < 10, ts, 0.0) - t0
+        moving = jnp.stack([0.3 + 1.75 * jnp.cos(t), -1.75 * jnp.sin(t)], 1)
+        ys = jnp.where(ts[:, None] < 10, moving, jnp.array([[-0.25, 0.0]]))
+        return jnp.concatenate([ys, ys[-1:]])
+
+    for ts in (jnp.array([0.0, 1.0, 2.5]), jnp.array([1.0, 11.0, 20.0])):
+        for derivative in (jax.jacfwd, jax.jacrev):
+            found = derivative(states, (0, 1))(0.0, ts)
+            for a, b in zip(found, derivative(exactly, (0, 1))(0.0, ts), strict=True):
+                assert np.allclose(a, b, rtol=0, atol=1e-10)
+    ts = jnp.array([0.0, 1.0, 2.5])
+    by_t0, by_ts = jax.grad(lambda *at: jnp.sum(states(*at, adjoint=True)), (0, 1))(0.0, ts)
+    exact = jax.grad(lambda *at: jnp.sum(exactly(*at)), (0, 1))(0.0, ts)
+    assert np.allclose(by_t0, exact[0], rtol=0, atol=1e-10)
+    assert np.allclose(by_ts, exact[1], rtol=0, atol=1e-10)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("derivative", [jax.jacfwd, jax.hessian])
+def test_derivatives_of_a_motion_that_goes_on_from_where_it_turned(derivative):
+    """In two runs, the second from where the first was stopped, as in one."""
+
+    def end(x):
+        block = jaxdyn.ode(stuck, jnp.stack([x[0], 0.0]), 20.0, params=x[1])
+        turn = events.until(block, events.Reaches(1, 0.0), 20.0, rtol=1e-12)
+        return jaxdyn.solve(block.starting(turn.y), 4.0, t0=turn.t, rtol=1e-12).y1
+
+    def exactly(x):
+        turned, t = 2 * x[1] - x[0], 4.0 - jnp.pi
+        away = turned + x[1]
+        return jnp.stack([away * jnp.cos(t) - x[1], -away * jnp.sin(t)])
+
+    x = jnp.array([2.05, 0.3])
+    assert np.allclose(derivative(end)(x), derivative(exactly)(x), rtol=0, atol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("late", [0.0, 1e-14, -1e-14])
+def test_derivatives_of_two_runs_that_join_where_friction_turns_round(late):
+    """They are those of one run, in whichever order rounding sees the turn and the join."""
+
+    def end(x, joint):
+        block = jaxdyn.ode(stuck, x[:2], 20.0, params=x[2])
+        there = jaxdyn.solve(block, joint, rtol=1e-12).y1
+        return jaxdyn.solve(block.starting(there), 4.0, t0=joint, rtol=1e-12).y1
+
+    def in_one(x):
+        return jaxdyn.solve(jaxdyn.ode(stuck, x[:2], 20.0, params=x[2]), 4.0, rtol=1e-12).y1
+
+    x, joint = jnp.array([5.05, -0.2, 0.3]), jnp.pi - jnp.arctan(0.2 / 4.75) + late
+    by_x, by_joint = jax.jacfwd(end, (0, 1))(x, joint)
+    assert np.allclose(by_x, jax.jacfwd(in_one)(x), rtol=0, atol=1e-10)
+    assert np.allclose(by_joint, 0.0, rtol=0, atol=1e-10)
+
+
+@pytest.mark.slow
+def test_adjoints_by_switching_times_at_samples_and_fractions_of_the_span():
+    """A particle is pushed from `on`; the gradient is integrated backwards between fixed times."""
+
+    def ends(on, ts, adjoint=True):
+        scene = jaxdyn.ode(lambda t, y, on: [y[1], t > on], [0.0, 0.0], 10.0, params=on)
+        run = jaxdyn.solve(scene, 10.0, ts=ts, adjoint=adjoint)
+        return run.y1[0] + jnp.sum(run.ys[:, 0])
+
+    for on in (2.5, 5.0, 4.0):
+        ts = jnp.array([1.0, 4.0, 6.0, 7.5])
+        assert abs(jax.grad(ends)(on, ts[:0]) + 10 - on) < 1e-12
+        wanted = -(10 - on) - float(jnp.sum(jnp.maximum(ts - on, 0)))
+        assert abs(jax.grad(ends)(on, ts) - wanted) < 1e-12
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("adjoint", [False, True])
 def test_derivatives_where_two_surfaces_are_crossed_at_once(adjoint):
     # Two oscillators with dry friction, apart: each turns where it would turn alone.

@@ -41,6 +41,41 @@ def test_the_period_of_a_pendulum_by_gravity(swing):
     assert np.isnan(jax.hessian(period)(swing.scene.effects[0].g))
 
 
+def _grown_and_rubbed(t, y, p):
+    return [y[1], -y[0] + 2 * p[0] * y[1] - p[1] * jnp.sign(y[1])]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("aside", [0.0, 0.01, -0.01])
+def test_a_cycle_that_starts_where_dry_friction_turns_round(aside):
+    """Between turns it is a spiral about the force of friction f: with growth r in half a period,
+    it turns at f (r + 1) / (r - 1), and its multiplier is r^2."""
+
+    def exactly(p):
+        frequency = jnp.sqrt(1 - p[0] ** 2)
+        r = jnp.exp(p[0] * jnp.pi / frequency)
+        return jnp.stack([p[1] * (r + 1) / (r - 1), 2 * jnp.pi / frequency]), r**2
+
+    p = jnp.array([0.05, 0.3])
+    (turn, period), multiplier = exactly(p)
+    start = [float(turn) * (1 + aside), 0.0]
+
+    def scene(p):
+        return jaxdyn.ode(_grown_and_rubbed, start, float(period), params=p)
+
+    found = orbits.find(scene(p), start, float(period))
+    values = np.sort(np.linalg.eigvals(orbits.stability(found).monodromy).real)
+    assert np.allclose(values, [1.0, multiplier], rtol=0, atol=1e-10)
+
+    def numbers(p):
+        orbit = orbits.differentiable(scene(p), found, hold="y1")
+        return jnp.stack([orbit.y0[0], orbit.period])
+
+    assert np.allclose(numbers(p), [turn, period], rtol=0, atol=1e-11)
+    wanted = jax.jacfwd(lambda p: exactly(p)[0])(p)
+    assert np.allclose(jax.jacfwd(numbers)(p), wanted, rtol=1e-9, atol=1e-9)
+
+
 @pytest.mark.slow
 def test_a_cycles_start_and_multiplier_by_its_parameter():
     a = 0.3

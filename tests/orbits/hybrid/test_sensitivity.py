@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import jaxdyn
 import orbits
 from jaxdyn import scenes
 from jaxdyn.integrate import events
@@ -152,6 +153,32 @@ def test_legs_are_differentiated_as_well():
     assert jnp.isnan(jnp.stack(by_both(10.0, 5.1))).all()
     with pytest.raises(ValueError, match="scene: expected the numbers with which the orbit was f"):
         period(10.0, 5.1)
+
+
+def _slipping(t, y, friction):
+    return [y[1], -friction * jnp.sign(y[1])]
+
+
+def _kick(t, y):
+    return jnp.stack([0.0 * y[0], 1 + 0.1 * y[0]])
+
+
+@pytest.mark.slow
+def test_a_leg_that_ends_where_friction_stops_a_block():
+    """It slides from a kick v over v^2 / 2 f, and the next kick is 1 + v^2 / 20 f."""
+
+    def legs(friction):
+        slips = jaxdyn.ode(_slipping, [0.0, 1.1], 2.2, params=friction)
+        return [orbits.Leg(slips, (events.Reaches(1, 0.0),), _kick)]
+
+    def exactly(friction):
+        return 10 * friction * (1 - jnp.sqrt(1 - 0.2 / friction))
+
+    found = orbits.find_hybrid(legs(0.5), [0.0, 1.1], [2.2])
+    assert abs(found.y0[1] - exactly(0.5)) < 1e-12
+    assert abs(orbits.stability(found).nontrivial[0] - exactly(0.5) / 5) < 1e-12
+    slope = jax.jacfwd(lambda friction: orbits.differentiable(legs(friction), found).y0[1])(0.5)
+    assert abs(slope - jax.grad(exactly)(0.5)) < 1e-10
 
 
 def test_what_does_not_fit_is_refused():
