@@ -18,36 +18,39 @@ _HIGHEST = 1.2  # largest height of a panel over its width
 
 
 def fill(figure: Figure) -> None:
-    """Make the solid axes of a figure, all in one row, fill it; others are unchanged."""
+    """Make the solid axes of a figure, all in one grid, fill it; others are unchanged."""
     solid = [ax for ax in figure.axes if ax.name == "3d"]
     if not solid:
         return
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
+    rows, columns = solid[0].get_subplotspec().get_gridspec().get_geometry()
     pad = _PAD * figure.dpi
     below = 2 * pad + sum(legend.get_window_extent().height for legend in figure.legends)
-    above = 2 * pad + max(ax.title.get_window_extent().height for ax in solid)
-    # The title above all panels, if there is one.
-    above += sum(text.get_window_extent().height + pad for text in figure.texts)
-    column = figure.bbox.width / len(solid)
+    # The title above all panels, if there is one, and those of the panels of a row.
+    above = sum(text.get_window_extent().height + pad for text in figure.texts)
+    named = 2 * pad + max(ax.title.get_window_extent().height for ax in solid)
+    column = figure.bbox.width / columns
     for _ in range(_ROUNDS):
         taken = [_extent(ax) for ax in solid]
         squares = [ax.bbox.frozen() for ax in solid]
         wide = max(box.width for box in taken)
         high = max(box.height for box in taken)
         grow = min((column - 2 * pad) / wide, _HIGHEST * column / high)
-        size = np.array([figure.bbox.width, below + grow * high + above])
+        row = grow * high + named
+        size = np.array([figure.bbox.width, below + rows * row + above])
         figure.set_size_inches(size / figure.dpi)
         for text in figure.texts:
             text.set_y(1 - pad / size[1])
         for i, (ax, box, square) in enumerate(zip(solid, taken, squares, strict=True)):
-            middle = np.array([(i + 0.5) * column, below + grow * high / 2])
+            bottom = below + (rows - 1 - i // columns) * row
+            middle = np.array([(i % columns + 0.5) * column, bottom + grow * high / 2])
             side = grow * square.width
             corner = middle - grow * (_middle(box) - _middle(square)) - side / 2
             ax.set_position([*corner / size, *side / size])
             # Solid axes ignore the position of a title, but respect that of its text.
             ax.set_title(ax.get_title(), fontsize=ax.title.get_fontsize(), y=1.0)
-            ax.title.set_y((below + grow * high + pad - corner[1]) / side)
+            ax.title.set_y((bottom + grow * high + pad - corner[1]) / side)
         figure.draw_without_rendering()
 
 

@@ -1,5 +1,6 @@
 """Pictures of periodic orbits side by side, to one scale, with the velocities at the start."""
 
+import math
 from collections.abc import Sequence
 
 import jax.numpy as jnp
@@ -34,6 +35,7 @@ _RTOL = 1e-10
 _BACK = 1e-6  # a state that differs by less from the start, in sizes, is the start
 _FEW_STEPS = 5000
 _PANEL = 4.6  # inches wide
+_COLUMNS = 4  # most panels in a row
 _ARROW = 0.16  # longest arrow as a share of the widest direction
 _AT_REST = 1e-9  # speed at a start that counts as zero, in widths of the picture per period
 _LINE = 0.22  # [inches] per line of the titles
@@ -47,7 +49,7 @@ def orbits(
     entries: Sequence[str] | None = None,
     title: str | None = None,
 ) -> Figure:
-    """A row of pictures of orbits, each over one period and all to one scale.
+    """Pictures of orbits in rows of four, each over one period and all to one scale.
 
     Dots mark where bodies start, and arrows their velocities there, to one scale per picture. A
     jump at the end of a chain's leg is dashed.
@@ -80,9 +82,11 @@ def orbits(
     arrows = [_velocities(orbit, width, entries) if equal else None for orbit in found]
     tips = [sum(arrow) for arrow in arrows if arrow is not None]
     box = limits(np.concatenate([places, *tips]), equal)
-    width, height = _row(len(drawn), box, equal)
+    columns = min(len(drawn), _COLUMNS)
+    rows = math.ceil(len(drawn) / columns)
+    width, height = _grid(rows, columns, box, equal)
     above = heading(title, [first_scene(orbit) for orbit in found], width)
-    figure = blank(width, height + _LINE * (_lines(above) + max(map(_lines, titles))))
+    figure = blank(width, height + _LINE * (_lines(above) + rows * max(map(_lines, titles))))
     figure.suptitle(above, fontsize=10)
     back = [
         apart(one, 0, -1) and _comes_back(orbit, motion)
@@ -90,7 +94,7 @@ def orbits(
     ]
     each = zip(arrows, drawn, titles, back, strict=True)
     for i, (arrow, one, own, jumps_back) in enumerate(each):
-        ax = panel(figure, one, box, (1, len(drawn), i + 1))
+        ax = panel(figure, one, box, (rows, columns, i + 1))
         ax.set_title(own, fontsize=10)
         draw_paths(ax, one, colours(one))
         draw_starts(ax, one, colours(one))
@@ -156,12 +160,12 @@ def _lines(text: str) -> int:
     return text.count("\n") + 1 if text else 0
 
 
-def _row(count: int, box: np.ndarray, equal: bool) -> tuple[float, float]:
-    """Width and height [in] of a figure for `count` panels, without titles."""
+def _grid(rows: int, columns: int, box: np.ndarray, equal: bool) -> tuple[float, float]:
+    """Width and height [in] of a figure with rows and columns of panels, without titles."""
     width, height = size(box, equal)
-    scale = 1.0 if count == 1 or len(box) == 3 else _PANEL / width
+    scale = 1.0 if columns == 1 or (len(box) == 3 and rows == 1) else _PANEL / width
     # The legend and the labels do not shrink with the panels.
-    return count * scale * width, scale * (height - 1) + 1
+    return columns * scale * width, rows * scale * (height - 1) + 1
 
 
 def _velocities(

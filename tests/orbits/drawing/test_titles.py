@@ -72,6 +72,22 @@ def test_panels_in_space_hide_neither_their_titles_nor_each_other():
     assert above.get_window_extent().y1 <= figure.bbox.y1
 
 
+@pytest.mark.parametrize("scene", [scenes.hanging_spring(), scenes.pendulum()])
+def test_many_orbits_are_in_rows_of_four(scene):
+    figure = drawing.orbits([_orbit(scene)] * 6, titles=[*"abcdef"])
+    figure.draw_without_rendering()
+    assert [ax.get_title() for ax in figure.axes] == [*"abcdef"]
+    x, y = np.array([(box.x0 + box.x1, box.y0 + box.y1) for box in map(_box, figure.axes)]).T / 2
+    np.testing.assert_allclose(np.diff(x[:4]), figure.bbox.width / 4, rtol=0.05)
+    np.testing.assert_allclose(x[4:], x[:2], atol=2)
+    assert y[:4].min() - y[4:].max() > 0.3 * figure.bbox.height
+    assert figure.get_figwidth() < 20
+
+
+def _box(ax):
+    return ax.get_tightbbox()
+
+
 @pytest.mark.parametrize(("rate", "marks"), [(1.0, ["velocity there"]), (-3e-28, []), (0.0, [])])
 def test_the_legend_names_velocities_where_they_are_drawn(rate, marks):
     figure = drawing.orbits([_orbit(scenes.pendulum(rate=rate))])
