@@ -24,7 +24,9 @@ def fill(figure: Figure) -> None:
         return
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
-    rows, columns = solid[0].get_subplotspec().get_gridspec().get_geometry()
+    place = solid[0].get_subplotspec()
+    assert place is not None  # panels are subplots
+    rows, columns = place.get_gridspec().get_geometry()
     pad = _PAD * figure.dpi
     below = 2 * pad + sum(legend.get_window_extent().height for legend in figure.legends)
     # The title above all panels, if there is one, and those of the panels of a row.
