@@ -49,7 +49,7 @@ class Member:
     @_text.never_raising
     def __repr__(self) -> str:
         rows = [
-            *((name, _from_to(np.array([x]))) for name, x in self._numbers().items()),
+            *_ranges(first_scene(self.orbit), {k: [x] for k, x in self._numbers().items()}),
             ("stability", self.stability.verdict),
         ]
         what = "Member" if self.kind is None else str(self.kind).capitalize()
@@ -89,7 +89,7 @@ class Family:
         ranges = {"parameter": self.parameters, "period": self.periods, "energy": self.energies}
         special = [f"{m.kind} at {where(m)}" for m in self.special]
         rows = [
-            *((name, _from_to(x)) for name, x in ranges.items()),
+            *_ranges(scene, ranges),
             ("stability", ", ".join(f"{n} {verdict}" for verdict, n in verdicts.items())),
             ("special", ", ".join(special)),
             ("end", self.end),
@@ -175,10 +175,17 @@ def smooth_orbit(name: str, orbit: Orbit | HybridOrbit) -> Orbit:
     return orbit
 
 
-def _from_to(x: np.ndarray) -> str:
-    """The range from the first to the last member, as text; empty for NaN."""
-    ends = (_text.brief(float(x[0])), _text.brief(float(x[-1])))
-    return "" if np.isnan(x).all() else " to ".join(dict.fromkeys(ends))
+def _ranges(scene: Scene, of: dict[str, Any]) -> list[tuple[str, str]]:
+    """The ranges from the first to the last member, as text by name; empty for NaN."""
+    labels = scene.labels()
+    units = {"period": second(labels), "energy": joule(labels)}
+    found = []
+    for name, values in of.items():
+        x = np.asarray(values, float)
+        ends = dict.fromkeys((_text.brief(float(x[0])), _text.brief(float(x[-1]))))
+        text = f"{' to '.join(ends)} {units.get(name, '')}".rstrip()
+        found.append((name, "" if np.isnan(x).all() else text))
+    return found
 
 
 def where(found: Any) -> str:

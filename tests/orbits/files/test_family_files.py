@@ -55,6 +55,8 @@ def test_a_family_is_read_back_to_the_bit(saved):
 
 def test_a_family_that_was_followed_is_saved_like_an_orbit(tmp_path):
     found = orbits.continue_family(orbits.find(scenes.pendulum(angle=1.0), period=6.0), members=2)
+    said = repr(found).splitlines()
+    assert [line.split()[-1] for line in said[1:3]] == ["s", "J"]  # period, energy
     orbits.save(tmp_path / "family.json", found)
     read = jaxdyn.load(tmp_path / "family.json")
     assert read.end == found.end
