@@ -389,7 +389,7 @@ class Scene(Record):
         """(name, unit) of each entry of the state, "1" for all units where there are none."""
         named = self.system.labels()
         if self.units is not None:
-            _check_units(self.units)
+            check_units(self.units)
             return tuple((name, _in_units(unit, self.units)) for name, unit in named)
         if any(effect.without_units for effect in self.effects):
             return tuple((name, "1") for name, _ in named)
@@ -412,7 +412,7 @@ class Scene(Record):
         if not isinstance(self.name, str):
             raise _checks.fail("name", "text", repr(self.name))
         if self.units is not None:
-            _check_units(self.units)
+            check_units(self.units)
         self.check_functions()
         _checks.refuse_made_before("scene", self.y0, *self.system.converted)
         system = self.system
@@ -482,8 +482,10 @@ def _in_units(unit: str, units: tuple[str, str, str]) -> str:
     return re.sub(r"\b(m|kg|s)\b", lambda found: others[found[0]], unit)
 
 
-def _check_units(units: Any) -> None:
-    if len(units) != len(_SI) or not all(isinstance(x, str) and x.isidentifier() for x in units):
+def check_units(units: Any) -> None:
+    """Raise ValueError unless these are names of units of length, mass and time."""
+    several = not isinstance(units, str) and len(units) == len(_SI)
+    if not several or not all(isinstance(x, str) and x.isidentifier() for x in units):
         wanted = 'names of the units of length, mass and time, such as ("AU", "Msun", "day")'
         raise _checks.fail("units", wanted, repr(units))
 

@@ -9,7 +9,7 @@ from jaxdyn._checks import as_float, floats
 from jaxdyn._units import measure
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.scene import Scene
+from jaxdyn.scene import Scene, check_units
 from jaxdyn.scenes.ready_made import ready_made
 
 #: A rough guess of a figure-eight (problem 28), in the order x1 y1 x2 y2 x3 y3 vx1 ... [G = m = 1].
@@ -91,8 +91,9 @@ def n_body(
 
 def _constant(units) -> float:
     """The gravitational constant in units of length, mass and time; 1 without units."""
-    if not units or len(units) != 3:  # a wrong number of them is refused by `Scene`
+    if not units:
         return 1.0
+    check_units(units)
     length, mass, time = map(measure, units)
     strength = _GRAVITIES.get(units[1]) or (mass and mass.size * _G)
     if not (length and strength and time):
