@@ -390,7 +390,7 @@ class Scene(Record):
         named = self.system.labels()
         if self.units is not None:
             check_units(self.units)
-            return tuple((name, _in_units(unit, self.units)) for name, unit in named)
+            return tuple((name, self.in_units(unit)) for name, unit in named)
         if any(effect.without_units for effect in self.effects):
             return tuple((name, "1") for name, _ in named)
         return named
@@ -405,7 +405,8 @@ class Scene(Record):
 
     def in_units(self, unit: str) -> str:
         """A unit made of m, kg and s, such as "m/s", in those of the scene."""
-        return unit if self.units is None else _in_units(unit, self.units)
+        others = dict(zip(_SI, self.units or _SI, strict=True))
+        return re.sub(r"\b(m|kg|s)\b", lambda found: others[found[0]], unit)
 
     def check(self) -> None:
         """Raise ValueError if a number is invalid; traced numbers pass."""
@@ -474,12 +475,6 @@ class Scene(Record):
 
 
 _SI = ("m", "kg", "s")
-
-
-def _in_units(unit: str, units: tuple[str, str, str]) -> str:
-    """A unit made of m, kg and s, such as "m/s", with others in their places."""
-    others = dict(zip(_SI, units, strict=True))
-    return re.sub(r"\b(m|kg|s)\b", lambda found: others[found[0]], unit)
 
 
 def check_units(units: Any) -> None:

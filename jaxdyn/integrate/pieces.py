@@ -79,16 +79,6 @@ def has_pieces(field: Any, k: int, limits: Limits) -> bool:
     return bool(plan_of(field, k).size or len(limits.breaks))
 
 
-def first_arrival(field: Any, y0: Array, t0: Array, limits: Limits) -> Arrival | None:
-    """How a motion that has not begun has arrived at its start (k,); None if it has no pieces."""
-    if not has_pieces(field, len(y0), limits):
-        return None
-    system = without_wrappers(field)
-    plan = plan_of(system, len(y0))
-    _, first = plan.evaluate(system, t0, y0)
-    return Arrival(jnp.asarray(t0), Branch.of(first.outcomes, plan.most_surfaces))
-
-
 def first_event(
     field: Any, events: tuple, y0, t0, t1, limits: Limits, sides: Sides, *, method: Method
 ) -> tuple[SolveResult, Crossing, Arrival | None]:

@@ -142,8 +142,7 @@ def backbone(
         fiftieth of its size.
       energy: largest energy, above that of the equilibrium.
       frequencies: bounds on the angular frequency [rad/s], around that of the linear mode.
-      step: length of the first step; a smaller one draws a smoother curve. See
-        `orbits.continue_family`.
+      step: length of the first step; see `orbits.continue_family`.
       members: largest number of vibrations.
       order: largest value of the smaller one of p and q in the internal resonances p : q that are
         searched for; the larger one is at most five times that. 0 for none.

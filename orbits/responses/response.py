@@ -224,8 +224,7 @@ def frequency_response(
       isolas: number of frequencies at which responses are also followed over the level, besides
         that of the peak, to find curves that are detached at a level (isolas). 0 searches for none;
         with 1 only the frequency of the peak is tried.
-      step: length of the first step along a curve; a smaller one draws a smoother curve. See
-        `orbits.continue_family`.
+      step: length of the first step along a curve; see `orbits.continue_family`.
       members: largest number of responses of a curve.
       report: called with each response as it is found.
     Returns:

@@ -21,9 +21,9 @@ from jaxdyn._numerics import in_one_kernel
 from jaxdyn._text import number_of
 from jaxdyn.integrate.event_search.event_values import time_tangent
 from jaxdyn.integrate.events import Event, as_events
-from jaxdyn.integrate.flow import flow, run_or_switch
+from jaxdyn.integrate.flow import flow, rate_in, run_or_switch
 from jaxdyn.integrate.march import Limits
-from jaxdyn.integrate.pieces import Arrival, first_arrival, first_event
+from jaxdyn.integrate.pieces import Arrival, first_branch, first_event
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
 from jaxdyn.integrate.trajectory import raise_unless_ok
 from jaxdyn.plan.branch import in_branch
@@ -199,16 +199,13 @@ def _find_jvp(primals, tangents, *, method, rows):
         none = jnp.zeros(0)
         return flow(in_branch(field, branch), y, start, t, none, limits, method=method).y1
 
-    def rate(field, branch, t, y):
-        return (field if branch is None else in_branch(field, branch)).rate(t, y)
-
     def values(event, ts, ys):
         return jax.vmap(event.value)(ts, ys)
 
     ys, dys = eqx.filter_jvp(states, (field, y0, t0), (d_field, d_y0, d_t0))
     dys = jnp.zeros_like(ys) if dys is None else dys
     branches = None if arrivals is None else arrivals.branch
-    rates = jax.vmap(functools.partial(rate, field))(branches, ts, ys)
+    rates = jax.vmap(lambda branch, t, y: rate_in(branch, field, t, y))(branches, ts, ys)
     dts = time_tangent(values, event, d_event, ts, ys, dys, rates, there)
     dts = jnp.where(there, dts, 0.0)
     dys = jnp.where(there[:, None], dys + rates * dts[:, None], 0.0)
@@ -244,7 +241,8 @@ def _search(field, event, y0, t0, side, t1, limits, *, method: Method, rows: int
         left = jnp.maximum(left - found.steps, 0)
         return (t, y, side, status, left, arrival), row
 
-    arrival = first_arrival(field, y0, t0, limits)
+    branch = first_branch(field, y0, t0, t1, limits, method=method)
+    arrival = None if branch is None else Arrival(jnp.asarray(t0), branch)
     start = t0, y0, side, jnp.asarray(int(Status.OK)), limits.max_steps[0], arrival
     (*_, status, left, _), found = jax.lax.scan(following, start, length=rows)
     ts, ys, directions, there, arrivals = found
