@@ -348,7 +348,7 @@ class Scene(Record):
 
     def sketch(self, t: Array, y: Float[Array, " k"]) -> tuple[Shape, ...]:
         """The shapes of the system and of the effects in drawings; see `sketch`."""
-        r = self.system.points(t, y).r
+        r = self.system.places(t, y)
         on_points = (effect.sketch(t, r) for effect in self.effects)
         return (*self.system.sketch(t, y), *(shape for shapes in on_points for shape in shapes))
 

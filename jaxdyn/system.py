@@ -160,6 +160,10 @@ class System(Record):
         del t, y
         return Points(jnp.zeros((0, 0)), jnp.zeros((0, 0)), jnp.zeros(0))
 
+    def places(self, t: Array, y: Float[Array, " k"]) -> Array:
+        """(n, d) where the points are drawn, with the ends of effects: at their positions."""
+        return self.points(t, y).r
+
     def sketch(self, t: Array, y: Float[Array, " k"]) -> tuple[Shape, ...]:
         """Shapes in drawings besides the paths of the material points; see `sketch`."""
         del t, y

@@ -148,7 +148,7 @@ def _places(scene: Scene, ts, ys) -> tuple[Array, ...]:
     """(s, n, d) the points, then the corners (s, m, k, d) of each shape."""
 
     def at(t, y):
-        r = scene.system.points(t, y).r
+        r = scene.system.places(t, y)
         shapes = (shape.at.reshape(-1, *shape.at.shape[-2:]) for shape in scene.sketch(t, y))
         return (r if r.shape[0] else y[None], *shapes)
 

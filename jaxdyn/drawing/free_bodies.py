@@ -109,7 +109,7 @@ def free_body(
         place = column * _PANEL / width, bottom / height, _PANEL / width, _PANEL / height
         axes.append(figure.add_axes(place))
     colours = _colours(found)
-    _together(axes[0], shapes, found, view)
+    _together(axes[0], shapes, found, _flat(_places(scene, t, y, found), view), view)
     for ax, body, lines in zip(axes[1:], found.bodies, texts, strict=True):
         own = _shapes(body.outline, view)
         if not own and panels == 2 and body.rigid:
@@ -197,9 +197,21 @@ def _draw_shapes(ax, shapes: list[tuple[str, np.ndarray]], width: float) -> None
         ax.plot(*pins.T, ls="", marker=marker, ms=15, c=INK, mfc="white", zorder=1.3)
 
 
-def _together(ax, shapes: list, found: FreeBodies, view: np.ndarray) -> None:
-    """Draw the scene as it is, with the names of the bodies."""
-    centres = np.stack([_flat(body.centre, view) for body in found.bodies])
+def _places(scene: Scene, t, y, found: FreeBodies) -> np.ndarray:
+    """(b, d) where the mass centres are drawn in the scene; see `System.places`."""
+    t, y = jnp.asarray(t, float), jnp.asarray(y)
+    shift = np.asarray(scene.system.places(t, y) - scene.points(t, y).r)
+    parts = scene.system.bodies(t, y)
+    return np.stack(
+        [
+            body.centre + shift[list(part.points)].sum(axis=0) / max(len(part.points), 1)
+            for body, part in zip(found.bodies, parts, strict=True)
+        ]
+    )
+
+
+def _together(ax, shapes: list, found: FreeBodies, centres: np.ndarray, view: np.ndarray) -> None:
+    """Draw the scene as it is, with the names of the bodies at their mass centres (b, 2)."""
     corners = np.concatenate([centres, *(line for _, line in shapes)])
     low, high = corners.min(axis=0), corners.max(axis=0)
     half = max(float((high - low).max()) / 2, 1e-9 + 0.1 * float(np.abs(corners).max())) * 1.25

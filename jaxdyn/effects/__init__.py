@@ -1,7 +1,7 @@
 """Effects: what acts on material points, with one file for each family.
 
 `gravity` (uniform, and between all pairs of bodies), `drag` (drag and dry friction), `central`
-(central forces), `links` (springs, dashpots, hinge dampers, networks of springs), `prescribed`
+(central forces), `links` (springs, dashpots, dampers, networks of springs), `prescribed`
 (given functions of time). `_parts` checks what effects have in common.
 
 Positions and velocities are (n, d) arrays, masses (n,); forces are (n, d). The parameters of an

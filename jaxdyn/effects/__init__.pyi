@@ -8,6 +8,8 @@ from .drag import LinearDrag as LinearDrag
 from .drag import QuadraticDrag as QuadraticDrag
 from .gravity import PairGravity as PairGravity
 from .gravity import UniformGravity as UniformGravity
+from .links import CubicSpring as CubicSpring
+from .links import Damper as Damper
 from .links import Dashpot as Dashpot
 from .links import HingeDamper as HingeDamper
 from .links import Spring as Spring

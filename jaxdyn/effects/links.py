@@ -1,4 +1,4 @@
-"""Springs and dashpots between two points, or a point and an anchor; dampers in hinges.
+"""Springs, dashpots and dampers between two points, or a point and an anchor; dampers in hinges.
 
 Springs and dashpots act along the line between their ends. Where the ends coincide the line has no
 direction and the force is zero, except that a spring of rest length 0 is linear, -k r, throughout.
@@ -97,6 +97,62 @@ class Dashpot(Effect):
     def check(self, points: Points) -> None:
         _check_ends(self.i, self.j, len(points.m))
         vector_or_zero("anchor", self.anchor, points.r.shape[1])
+        _checks.array("c", self.c, (), "A damping coefficient is in kg/s.")
+
+
+class CubicSpring(Effect):
+    """A spring with energy beta l^4 / 4, l being the distance of its ends: it pulls with beta l^3.
+
+    It has the coefficient beta [N/m^3], which is negative for a spring that softens. It goes from
+    point i to point j or, where j is None, to an anchor (d,) [m], 0 for the origin.
+    """
+
+    beta: Array = eqx.field(converter=as_float)
+    anchor: Array = eqx.field(converter=as_float, default=0.0, kw_only=True)
+    i: int = eqx.field(static=True, default=0, kw_only=True)
+    j: int | None = eqx.field(static=True, default=None, kw_only=True)
+    velocity_dependent: ClassVar[bool] = False
+
+    def potential(self, t, r, m):
+        del t, m
+        square = square_norm(r[self.i] - end_of(r, self.j, self.anchor))
+        return 0.25 * self.beta * square * square
+
+    def force(self, t, r, v, m):
+        del t, v, m
+        d = r[self.i] - end_of(r, self.j, self.anchor)
+        return on_ends(-self.beta * square_norm(d) * d, r.shape[0], self.i, self.j)
+
+    def sketch(self, t, r):
+        del t
+        return _sketch("spring", r, self.i, self.j, self.anchor)
+
+    def check(self, points: Points) -> None:
+        _check_ends(self.i, self.j, len(points.m))
+        vector_or_zero("anchor", self.anchor, points.r.shape[1])
+        _checks.array("beta", self.beta, (), "The coefficient of a cubic spring is in N/m^3.")
+
+
+class Damper(Effect):
+    """Viscous damping -c dr/dt in all directions, r being the difference of the ends' positions.
+
+    It has the coefficient c [kg/s]. It goes from point i to point j or, where j is None, to a
+    support with the velocity (d,) [m/s], or 0. A `Dashpot` damps only changes of the distance.
+    """
+
+    c: Array = eqx.field(converter=as_float)
+    velocity: Array = eqx.field(converter=as_float, default=0.0, kw_only=True)
+    i: int = eqx.field(static=True, default=0, kw_only=True)
+    j: int | None = eqx.field(static=True, default=None, kw_only=True)
+
+    def force(self, t, r, v, m):
+        del t, m
+        apart = v[self.i] - end_of(v, self.j, self.velocity)
+        return on_ends(-self.c * apart, r.shape[0], self.i, self.j)
+
+    def check(self, points: Points) -> None:
+        _check_ends(self.i, self.j, len(points.m))
+        vector_or_zero("velocity", self.velocity, points.r.shape[1])
         _checks.array("c", self.c, (), "A damping coefficient is in kg/s.")
 
 

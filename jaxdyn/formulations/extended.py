@@ -61,6 +61,9 @@ class Extended(System):
     def points(self, t, y):
         return self.system.points(*self.inside(t, y))
 
+    def places(self, t, y):
+        return self.system.places(*self.inside(t, y))
+
     def sketch(self, t, y):
         return self.system.sketch(*self.inside(t, y))
 

@@ -34,17 +34,21 @@ class FreePoints(System):
       m: (n,) masses [kg].
       d: number of dimensions.
       names: names of the points, as in the label x_Earth; without any they are numbered, as in x1.
+      rest: the position (d,) [m] of each point in drawings where its coordinates are 0, if these
+        are displacements; None if they are positions.
     """
 
     m: Array
     d: int = eqx.field(static=True)
     names: tuple[str, ...] = eqx.field(static=True, default=())
+    rest: tuple[tuple[float, ...], ...] | None = eqx.field(static=True, default=None, repr=False)
 
-    def __init__(self, m, d: int = 2, names: Sequence[str] = ()):
+    def __init__(self, m, d: int = 2, names: Sequence[str] = (), rest=None):
         # NumPy cannot tell the dimension of a tuple with traced numbers.
         self.m = as_float(m if isinstance(m, list | tuple) or np.ndim(m) else [m])
         self.d = d
         self.names = tuple(names)
+        self.rest = None if rest is None else tuple(tuple(map(float, one)) for one in rest)
 
     @property
     def accepts(self):
@@ -66,6 +70,10 @@ class FreePoints(System):
         del t
         r, v = y.reshape(2, self.m.shape[0], self.d)
         return Points(r, v, self.m)
+
+    def places(self, t, y):
+        r = self.points(t, y).r
+        return r if self.rest is None else r + jnp.asarray(self.rest)
 
     def bodies(self, t, y):
         del t, y
@@ -112,6 +120,8 @@ class FreePoints(System):
             got = ", ".join(map(repr, self.names))
             raise _checks.fail("names", f"{n} different ones, one for each point", got)
         _checks.array("mass", self.m, (None,), "One mass for each point.")
+        if self.rest is not None:
+            _checks.host_array("rest", self.rest, (n, self.d), "One position for each point.")
         m = _checks.at_least_zero("mass", self.m, "Masses are in kg; 0 is a test particle.")
         if not _checks.is_traced(m) and not np.asarray(m).any():
             remedy = "Test particles move among bodies; one has to have a mass."

@@ -266,7 +266,8 @@ def _pulls(effect: Effect) -> bool:
 
 def _forces(scene: Scene, t: Array, y: Array) -> Array:
     r, v, m = scene.system.points(t, y)
-    return _row([r, *(effect.force(t, r, v, m) for effect in scene.effects if _pulls(effect))])
+    at = scene.system.places(t, y)
+    return _row([at, *(effect.force(t, r, v, m) for effect in scene.effects if _pulls(effect))])
 
 
 def _spins(scene: Scene) -> list[str]:
@@ -409,7 +410,7 @@ def _drawing(scene: Scene) -> tuple[list[Outline], list[str], Callable]:
             at.reshape(-1, d)[np.array(outline.computed)]
             for at, outline in zip(rest, outlines, strict=True)
         ]
-        return _row([*(marks or [moved.system.points(t, y).r]), *corners])
+        return _row([*(marks or [moved.system.places(t, y)]), *corners])
 
     if not n:
         return [], [""], function

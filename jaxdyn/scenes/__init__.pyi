@@ -70,6 +70,7 @@ from .skates import one_skate as one_skate
 from .skates import two_skates as two_skates
 from .springs import hanging_spring as hanging_spring
 from .springs import oscillator as oscillator
+from .springs import spring_chain as spring_chain
 from .springs import spring_mass as spring_mass
 from .springs import two_masses as two_masses
 from .springs import two_springs as two_springs

@@ -1,4 +1,4 @@
-"""Masses on springs: course problems 3, 6, 10, 13, 20."""
+"""Masses on springs: course problems 3, 6, 10, 13, 20; rows of masses."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -6,7 +6,16 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._checks import as_float
-from jaxdyn.effects import Dashpot, LinearDrag, Spring, StepForce, UniformGravity, unless_zero
+from jaxdyn.effects import (
+    CubicSpring,
+    Damper,
+    Dashpot,
+    LinearDrag,
+    Spring,
+    StepForce,
+    UniformGravity,
+    unless_zero,
+)
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.trajectory import Trajectory, single
 from jaxdyn.scene import Scene
@@ -231,3 +240,70 @@ def two_masses_exact(t, *, m1=1.0, m2=2.0, k=100.0, length=1.0, force=1.0) -> Ar
     centre, speed = 0.5 * force / total * t * t, force / total * t
     x1, x2 = centre - m2 / total * stretch, length + centre + m1 / total * stretch
     return jnp.stack([x1, x2, speed - m2 / total * rate, speed + m1 / total * rate], axis=-1)
+
+
+@ready_made("m", but=("k", "c", "cubic", "x", "v"))
+def spring_chain(
+    *,
+    m=(1.0, 1.0),
+    k=(1.0,),
+    c=(0.0,),
+    cubic=(0.0,),
+    x=(0.0,),
+    v=(0.0,),
+    wall=0.0,
+    wall_velocity=0.0,
+    spacing=1.0,
+    t1=10.0,
+) -> Scene:
+    """Masses in a row on a line, joined by springs and dampers, the first one also to a wall.
+
+    A spring that is stretched by d pulls with k d + cubic d^3, and its damper with c d'. With as
+    many springs as masses the last mass has a free end; with one more it is joined to a second
+    wall, which is at rest. The coordinates x1, x2, ... are displacements from rest.
+
+    Args:
+      m: masses [kg], from the first wall on.
+      k: stiffness of each spring, from the first wall on, or of all [N/m]; for this and the
+        coefficients below, exactly 0 leaves the effect out.
+      c: coefficient of each damper, or of all [kg/s].
+      cubic: cubic coefficient of each spring, or of all [N/m^3].
+      x: displacement of each mass at the start, or of all [m].
+      v: velocity of each mass at the start, or of all [m/s].
+      wall: displacement of the first wall [m].
+      wall_velocity: velocity of the first wall, which acts on the damper there [m/s].
+      spacing: distance of the masses at rest, in drawings alone [m].
+      t1: span [s].
+    """
+    m = as_float(m)
+    n = len(m)
+    if n == 0:
+        raise _checks.fail("m", "at least one mass", "none")
+    x, v = (_for_each(name, one, n, n) for name, one in (("x", x), ("v", v)))
+    springs = max([n, *(np.shape(one)[0] for one in (k, c, cubic) if np.ndim(one))])
+    coefficients = (("k", k), ("c", c), ("cubic", cubic))
+    k, c, cubic = (_for_each(name, one, n, springs) for name, one in coefficients)
+    # Each spring joins a mass to the one before; the first and the last may join one to a wall.
+    ends = [(0, None), *((i, i - 1) for i in range(1, n)), (n - 1, None)][:springs]
+    at, moving = ([one] + [0.0] * (springs - 1) for one in (wall, wall_velocity))
+    effects = []
+    for (i, j), stiffness, anchor in zip(ends, k, at, strict=True):
+        effects += unless_zero(stiffness, Spring(stiffness, anchor=anchor, i=i, j=j))
+    for (i, j), beta, anchor in zip(ends, cubic, at, strict=True):
+        effects += unless_zero(beta, CubicSpring(beta, anchor=anchor, i=i, j=j))
+    for (i, j), damping, velocity in zip(ends, c, moving, strict=True):
+        effects += unless_zero(damping, Damper(damping, velocity=velocity, i=i, j=j))
+    _checks.check_untraced("spacing", spacing, "It is for drawings; give a number.")
+    system = FreePoints(m, 1, rest=[(spacing * (i + 1),) for i in range(n)])
+    return Scene(system, tuple(effects), y0=as_float([*x, *v]), t1=t1)
+
+
+def _for_each(name: str, x, n: int, count: int) -> list:
+    """A number for each of `count` masses or springs of a chain of n, given for each or for all."""
+    x = as_float(x)
+    if x.ndim > 1 or x.size not in (1, count) or count > n + 1:
+        wanted = f"{n} or {n + 1}" if count > n + 1 else count
+        each = f"{wanted}, one for each {'mass' if name in ('x', 'v') else 'spring'}"
+        raise _checks.fail(name, f"one number, or {each}", f"an array of shape {x.shape}")
+    x = x if _checks.is_traced(x) else np.asarray(x)  # entries of a device array take time
+    return count * [x.reshape(())] if x.size == 1 else list(x)

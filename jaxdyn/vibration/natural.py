@@ -114,7 +114,8 @@ class NaturalModes:
 def _entry(x: complex, real: bool) -> str:
     if real:
         return _text.brief(x.real, digits=4)
-    return f"{_text.brief(abs(x), digits=4)} at {math.degrees(cmath.phase(x)):.0f} deg"
+    degrees = round(math.degrees(cmath.phase(x)))  # an integer, which has no negative zero
+    return f"{_text.brief(abs(x), digits=4)} at {degrees} deg"
 
 
 _REAL = 1e-9  # imaginary parts of a shape up to this are rounding

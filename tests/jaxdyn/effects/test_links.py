@@ -7,7 +7,16 @@ import pytest
 from helpers import EXACT, SOLVED, gap
 
 from jaxdyn import Effect, scenes, simulate
-from jaxdyn.effects import ConstantForce, Dashpot, HingeDamper, PowerLaw, Spring, SpringNetwork
+from jaxdyn.effects import (
+    ConstantForce,
+    CubicSpring,
+    Damper,
+    Dashpot,
+    HingeDamper,
+    PowerLaw,
+    Spring,
+    SpringNetwork,
+)
 
 RNG = np.random.default_rng(3)
 T = jnp.asarray(0.3)
@@ -31,6 +40,24 @@ def test_spring_and_dashpot_pull_along_the_line_of_their_ends():
     assert gap(Dashpot(0.5, i=1, j=0).force(T, r, v, M), [[1.2, 1.6], [-1.2, -1.6]]) < EXACT
     anchored = Dashpot(0.5, i=1, anchor=(3.0, 0.0)).force(T, r, v, M)
     assert gap(anchored, [[0, 0], [0, -2.5]]) < EXACT
+
+
+def test_a_cubic_spring_pulls_with_the_cube_of_its_length():
+    r, spring = jnp.array([[0.0, 0.0], [3.0, 4.0]]), CubicSpring(0.1, i=0, j=1)
+    assert gap(spring.force(T, r, V, M), [[7.5, 10.0], [-7.5, -10.0]]) < 10 * EXACT
+    anchored = CubicSpring(0.1, i=1, anchor=(3.0, 0.0))
+    for one in (spring, anchored):
+        slope = jax.grad(one.potential, argnums=1)(T, r, M)
+        assert gap(one.force(T, r, V, M), -slope) < 10 * EXACT
+    assert gap(anchored.potential(T, r, M), 0.1 * 4.0**4 / 4) < 10 * EXACT
+
+
+def test_a_damper_opposes_the_relative_velocity_of_its_ends():
+    r = jnp.zeros((2, 2))  # also where the ends coincide
+    v = jnp.array([[1.0, 0.0], [1.0, 5.0]])
+    assert gap(Damper(0.5, i=1, j=0).force(T, r, v, M), [[0, 2.5], [0, -2.5]]) < EXACT
+    carried = Damper(0.5, i=1, velocity=(3.0, 0.0)).force(T, r, v, M)
+    assert gap(carried, [[0, 0], [1.0, -2.5]]) < EXACT
 
 
 def test_a_network_is_the_sum_of_its_springs():
@@ -96,6 +123,8 @@ def test_a_damper_in_a_hinge_takes_the_power_of_its_torque():
         (Spring(2.0, i=9), "Spring: i: expected a point from 0 to 4, got 9"),
         (Spring(2.0, i="a"), "Spring: i: expected a point from 0 to 4, got a"),
         (Dashpot(2.0, j=9), "Dashpot: j: expected a point from 0 to 4, got 9"),
+        (CubicSpring(2.0, i=9), "CubicSpring: i: expected a point from 0 to 4, got 9"),
+        (Damper(2.0, j=9), "Damper: j: expected a point from 0 to 4, got 9"),
         (SpringNetwork(((0, 9),), 2.0), "SpringNetwork: j: expected a point from 0 to 4, got 9"),
         (HingeDamper(2.0, i=5), "i: expected a coordinate from 0 to 1, got 5"),
         (HingeDamper(2.0, i=1, j=-1), "j: expected another angle than i = 1, got -1"),

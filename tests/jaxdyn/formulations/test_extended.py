@@ -31,6 +31,9 @@ class Answers(System):
     def points(self, t, y):
         return Points(t + y[None, :2], y[None, 2:], jnp.ones(1))
 
+    def places(self, t, y):
+        return t + 2 * y[None, :2]
+
     def sketch(self, t, y):
         return (Shape("line", np.full((2, 2), t + y[0])),)
 
@@ -106,6 +109,7 @@ CASES = [
 ]
 QUESTIONS = {
     "points": lambda s, t, y: s.points(t, y),
+    "places": lambda s, t, y: s.places(t, y),
     "sketch": lambda s, t, y: s.sketch(t, y)[0].at,
     "bodies": lambda s, t, y: s.bodies(t, y)[0],
     "joints": lambda s, t, y: s.joints(t, y)[0],

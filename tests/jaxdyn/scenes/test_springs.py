@@ -5,14 +5,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import EXACT, SOLVED, gap
+from scipy.integrate import solve_ivp
 
-from jaxdyn import Trajectory, simulate
+from jaxdyn import Trajectory, simulate, vibration
 from jaxdyn.analysis import energy, linearize
-from jaxdyn.effects import Dashpot, LinearDrag, Spring, UniformGravity
+from jaxdyn.effects import CubicSpring, Damper, Dashpot, LinearDrag, Spring, UniformGravity
+from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scenes.springs import (
     hanging_spring,
     hanging_spring_exact,
     oscillator,
+    spring_chain,
     spring_mass,
     two_masses,
     two_masses_exact,
@@ -199,3 +202,77 @@ def test_problem_20_c_a_stiff_pair_moves_like_one_mass_to_order_1_over_k():
         assert gap(np.array(off[-1]) / share, [3.0, 1.0]) < 1e-3
     assert two_masses(force=0.0).effects[0].k == 100.0
     assert len(two_masses(force=0.0).effects) == 1
+
+
+M, K, C = (2.0, 1.0, 0.5), (30.0, 10.0, 5.0, 20.0), (0.3, 0.1, 0.2, 0.4)
+
+
+def matrix(coefficients):
+    """The matrix of springs or dampers in a row between two walls."""
+    stretches = np.eye(4, 3) - np.eye(4, 3, k=-1)
+    return stretches.T @ np.diag(coefficients) @ stretches
+
+
+def test_a_chain_has_the_matrices_of_its_springs_and_dampers():
+    found = vibration.modes(spring_chain(m=M, k=K, c=C))
+    assert gap(found.mass, np.diag(M)) < EXACT
+    assert gap(found.stiffness, matrix(K)) < 100 * EXACT
+    assert gap(found.damping, matrix(C)) < 10 * EXACT
+    free = vibration.modes(spring_chain(m=M[:2], k=K[:2]))
+    assert gap(free.stiffness, [[40.0, -10.0], [-10.0, 10.0]]) < 100 * EXACT
+    loose = vibration.modes(spring_chain(m=M[:2], k=(0.0, 10.0)))
+    assert gap(loose.stiffness, [[10.0, -10.0], [-10.0, 10.0]]) < 100 * EXACT
+
+
+def test_a_chain_with_cubic_springs_and_a_moving_wall_against_scipy():
+    beta, wall, velocity = (2.0, 0.0, -1.0, 3.0), 0.3, -0.2
+    x, v = (0.5, -0.2, 0.1), (0.0, 1.0, 0.0)
+    scene = spring_chain(
+        m=M, k=K, c=C, cubic=beta, x=x, v=v, wall=wall, wall_velocity=velocity, spacing=2.0
+    )
+
+    def rate(t, y):
+        del t
+        x, v = y[:3], y[3:]
+        stretch = np.diff(np.concatenate([[wall], x, [0.0]]))
+        opening = np.diff(np.concatenate([[velocity], v, [0.0]]))
+        pull = np.array(K) * stretch + np.array(beta) * stretch**3 + np.array(C) * opening
+        return np.concatenate([v, np.diff(pull) / np.array(M)])
+
+    motion = simulate(scene, 3.0, **TIGHT)
+    options = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-14, "t_eval": motion.ts}
+    known = solve_ivp(rate, (0.0, 3.0), np.concatenate([x, v]), **options)
+    assert gap(motion.ys, known.y.T) < 10 * SOLVED
+    places = scene.system.places(jnp.zeros(()), scene.y0)[:, 0]
+    assert gap(places, np.add(x, (2.0, 4.0, 6.0))) < EXACT
+
+
+def test_a_chain_gives_one_number_to_all_and_leaves_out_what_is_zero():
+    assert spring_chain(m=(1.0, 2.0, 3.0), k=5.0, x=0.1).y0.tolist() == 3 * [0.1] + 3 * [0.0]
+    kinds = [type(e) for e in spring_chain(k=(1.0, 0.0), c=(0.0, 0.3), cubic=(0.0, 2.0)).effects]
+    assert kinds == [Spring, CubicSpring, Damper]
+    slope = jax.grad(lambda k: spring_chain(k=k).rate(0.0, jnp.ones(4))[2])(jnp.ones(2))
+    assert slope.tolist() == [-1.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("numbers", "said"),
+    [
+        ({"k": (1.0,) * 4}, "k: expected one number, or 2 or 3, one for each spring"),
+        ({"k": (1.0,) * 3, "c": (1.0, 2.0)}, "c: expected one number, or 3, one for each spring"),
+        ({"x": (1.0,) * 3}, "x: expected one number, or 2, one for each mass"),
+        ({"m": ()}, "m: expected at least one mass, got none"),
+        ({"m": (1.0, -2.0)}, "mass: expected"),
+        ({"cubic": float("nan")}, "beta: expected"),
+    ],
+)
+def test_numbers_that_make_no_chain_are_refused(numbers, said):
+    with pytest.raises(ValueError, match=said):
+        spring_chain(**numbers).check()
+
+
+def test_the_spacing_of_a_chain_is_for_drawings_alone():
+    with pytest.raises(ValueError, match="spacing: expected numbers, got values traced"):
+        jax.jit(lambda spacing: spring_chain(spacing=spacing).y0)(2.0)
+    with pytest.raises(ValueError, match=r"rest: expected shape \(2, 1\), got shape \(1, 1\)"):
+        FreePoints([1.0, 1.0], 1, rest=[(1.0,)]).check(0.0, jnp.zeros(4))
