@@ -30,6 +30,7 @@ from .continuation.two_parameters import continue_curve as continue_curve
 from .files.loading import load as load
 from .files.tables import read_csv as read_csv
 from .fitting.fit import fit as fit
+from .fitting.training import train as train
 from .formulations.lagrange import lagrangian as lagrangian
 from .formulations.ode import ode as ode
 from .integrate.event_search.all_crossings import crossings as crossings

@@ -1,9 +1,6 @@
 """The call `fit`: from a guess and a table to a `Fit`."""
 
 import dataclasses
-import difflib
-import inspect
-import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -14,13 +11,13 @@ import numpy as np
 from scipy import special
 
 from jaxdyn import _checks
-from jaxdyn._checks import check_kind
 from jaxdyn.fitting import measurements, result
 from jaxdyn.fitting.multiple_shooting import estimate
+from jaxdyn.fitting.problem import OUTSIDE, pose
 from jaxdyn.fitting.result import Fit, FitError, FitStatus
 from jaxdyn.fitting.segments import Model, cut, in_rows, in_segments
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL
-from jaxdyn.scene import Scene, check_scene
+from jaxdyn.scene import Scene
 from jaxdyn.solvers import Solver
 
 _estimate = eqx.filter_jit(estimate)
@@ -91,35 +88,9 @@ def fit(
       >>> low < 9.7 < high
       True
     """
-    numbers = list(data.values()) if isinstance(data, Mapping) else data
-    outside = "Call it outside jit, grad and vmap."
-    _checks.check_on_host("fit", (guess, numbers, noise, t0), outside)
-    leaves, rest = eqx.partition(guess, _is_number)
-    leaves = jax.tree.map(lambda x: _checks.array("guess", x, (...,)), leaves)
-    flat, tree = jax.tree.flatten(leaves)
-    if not flat:
-        raise _checks.fail("guess", "numbers", reprlib.repr(guess), 'For example {"g": 9.8}.')
-    by_name = _by_name(make, guess)
-    if not by_name:
-        _checks.check_callable("make", make, "params")
-    scene = make(**guess) if by_name else make(guess)
-    check_kind("make(guess)", scene, (Scene,))
-    _checks.check_untraced("make(guess)", scene, outside)
-    check_scene(scene)
-    table = measurements.read_measurements(data, columns)
-    found = measurements.columns_of(scene, table.names, observe)
-    table = table.in_units_of(scene, found)
-    model = Model(
-        make=make,
-        by_name=by_name,
-        tree=tree,
-        shapes=tuple(x.shape for x in flat),
-        rest=rest,
-        columns=found,
-        free=(True,) * len(scene.y0),
-        options=(("rtol", rtol), ("solver", solver), ("max_steps", max_steps)),
-    )
-    theta = jnp.concatenate([jnp.ravel(x) for x in flat])
+    options = {"rtol": rtol, "solver": solver, "max_steps": max_steps}
+    model, theta, scene, table, leaves = pose(make, guess, data, columns, observe, options)
+    _checks.check_on_host("fit", (noise, t0), OUTSIDE)
     model = dataclasses.replace(model, free=_free(model, theta, scene, start))
     begin = _begin(t0, model, table)
     if segments is not None:
@@ -144,32 +115,6 @@ def _degrees_of_freedom(table: measurements.Measured, names: Sequence[str], leas
         remedy = "Measure more, or keep some of them at known values (start=)."
         raise _checks.fail("data", "more measured numbers than unknown ones", got, remedy)
     return count - len(names)
-
-
-def _is_number(x: Any) -> bool:
-    if isinstance(x, bool) or not eqx.is_array_like(x):
-        return False
-    return np.dtype(getattr(x, "dtype", type(x))).kind in "fiu"
-
-
-def _by_name(make: Callable, guess: Any) -> bool:
-    if not callable(make):
-        raise _checks.fail("make", "a function that returns a scene", repr(make)[:60])
-    if not isinstance(guess, dict):
-        return False
-    parameters = inspect.signature(make).parameters
-    takes_any = any(p.kind is p.VAR_KEYWORD for p in parameters.values())
-    known = [name for name in guess if name in parameters]
-    near = [name for name in guess if difflib.get_close_matches(str(name), parameters, n=1)]
-    if not (known or near or takes_any) and len(parameters) == 1:
-        return False  # the dictionary is the only argument
-    for name in () if takes_any else guess:
-        _checks.choice("guess", name, parameters)
-    named = [p for p in parameters.values() if p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)]
-    if missing := [p.name for p in named if p.default is p.empty and p.name not in guess]:
-        remedy = "Give each a guess, or a default in make."
-        raise _checks.fail("guess", "values for " + ", ".join(missing), "none", remedy)
-    return True
 
 
 def _free(model: Model, theta, scene: Scene, start: Sequence[str] | None) -> tuple[bool, ...]:
@@ -278,8 +223,8 @@ def _report(model, sections, sigma, solution, names, table, dof) -> Fit:
     noise = {name: _mean(x) if finite else np.nan for name, x in columns}
     good = status in (FitStatus.CONVERGED, FitStatus.UNDETERMINED)
     return Fit(
-        params=_as_given(model, theta),
-        bars=_as_given(model, halves),
+        params=model.as_given(theta),
+        bars=model.as_given(halves),
         scene=scene,
         names=names,
         covariance=covariance,
@@ -307,9 +252,3 @@ def _mean(x: np.ndarray) -> float:
 def _in_rows(x, table: measurements.Measured) -> np.ndarray:
     """(s, c) the values that belong to each measurement, NaN for gaps."""
     return np.where(np.isfinite(table.values), in_rows(np.asarray(x), len(table.ts)), np.nan)
-
-
-def _as_given(model: Model, flat: np.ndarray):
-    """The parameters in the structure of the guess, with single numbers as floats."""
-    params = model.params(jnp.asarray(flat))
-    return jax.tree.map(lambda x: float(x) if eqx.is_array(x) and x.ndim == 0 else x, params)

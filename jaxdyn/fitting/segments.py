@@ -103,6 +103,11 @@ class Model(eqx.Module):
         leaves = [x.reshape(shape) for x, shape in zip(parts, self.shapes, strict=True)]
         return eqx.combine(jax.tree.unflatten(self.tree, leaves), self.rest)
 
+    def as_given(self, theta: Any) -> Any:
+        """The parameters from a flat vector (p,), with single numbers as floats, on the host."""
+        params = self.params(jnp.asarray(theta))
+        return jax.tree.map(lambda x: float(x) if eqx.is_array(x) and x.ndim == 0 else x, params)
+
     def scene(self, theta: Array) -> Scene:
         """The scene for a flat vector (p,) of parameters."""
         params = self.params(theta)

@@ -1,0 +1,207 @@
+"""The call `train`: parameters of any number, such as weights of networks, by gradient descent."""
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jax import lax
+from jaxtyping import Array
+
+from jaxdyn import _checks, _text
+from jaxdyn.fitting.measurements import Measured
+from jaxdyn.fitting.problem import pose
+from jaxdyn.fitting.segments import Model
+from jaxdyn.integrate.spans import MAX_STEPS
+from jaxdyn.scene import Scene
+from jaxdyn.solvers import Solver
+from jaxdyn.status import Code, Ended
+
+#: Relative tolerance of a step, far below the misfit of a network to data.
+_RTOL = 1e-6
+_RATE = 0.01  # learning rate of the default optimiser, that of many examples of Optax
+
+
+class TrainingStatus(Code):
+    """How a training ended; `TrainingStatus.DONE` is zero."""
+
+    DONE = 0, "All steps were taken."
+    NO_MOTION = (
+        1,
+        "A motion could not be computed, and the steps after that were not taken. The parameters "
+        "are the best ones so far. Use an optimiser with a smaller learning rate.",
+    )
+
+
+class Spans(NamedTuple):
+    """Short spans of the measured motion, each of which begins at a measured state.
+
+    Attributes:
+      starts: (m, k) states at which they begin.
+      begin: (m,) their times.
+      ts: (m, n) the n following times.
+      values: (m, n, c) measured values at these times; 0 for gaps.
+      weights: (m, n, c) weights of the squared misfits, 0 for gaps; their sum is 1.
+    """
+
+    starts: Array
+    begin: Array
+    ts: Array
+    values: Array
+    weights: Array
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Training(Ended):
+    """The result of `train`.
+
+    Attributes:
+      params: the parameters with the smallest loss, in the structure of the guess.
+      scene: the scene with these parameters, which starts at the first complete row of the data.
+      losses: (steps + 1,) mean squared misfit, relative to the spread of each column, from that of
+        the guess on; NaN for steps that were not taken.
+      outcome: how it ended.
+    """
+
+    params: Any
+    scene: Scene
+    losses: np.ndarray
+    outcome: TrainingStatus
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        rows = [
+            ("status", self.outcome.name),
+            ("loss", f"{self.losses[0]:.4g} before, {np.nanmin(self.losses):.4g} after"),
+            ("steps", f"{np.isfinite(self.losses).sum() - 1}"),
+        ]
+        return _text.table(f"Training of {self.scene.name}", rows)
+
+    _repr_html_ = _text.html
+
+
+def train(
+    make: Callable[..., Scene],
+    guess: Any,
+    data: Any,
+    *,
+    steps: int = 1000,
+    optimiser: optax.GradientTransformation | None = None,
+    ahead: int = 1,
+    columns: Sequence[str] | None = None,
+    observe: Mapping[str, Callable] | None = None,
+    rtol: float = _RTOL,
+    solver: Solver | None = None,
+    max_steps: int = MAX_STEPS,
+) -> Training:
+    """Parameters, such as weights of a network, that predict each measurement from the last one.
+
+    The loss is the mean squared misfit over short spans, each of which begins at a measured state
+    and ends some measurements later; so neither phase nor chaos creates local minima. It is lowered
+    by gradient descent, with derivatives that cost the same for any number of parameters. Unlike
+    `fit`, which is accurate and gives error bars, it suits thousands of parameters that need not be
+    determined one by one; noise at the beginning of a span, however, acts on its prediction.
+
+    Args:
+      make: function of the parameters that returns the scene; see `fit`.
+      guess: initial values of the parameters; see `fit`. Whatever is no number, such as the
+        activation function of a network, stays as it is.
+      data: times "t" and columns with every entry of the state; see `fit`. Further columns may be
+        positions of points, or functions, see `observe`.
+      steps: number of steps of the optimiser.
+      optimiser: an optimiser of Optax; by default ``optax.adam(0.01)``.
+      ahead: number of measurements that each span predicts.
+      columns: the columns that are used; all by default.
+      observe: further columns by name, functions (scene, t, y) -> () of a state y.
+      rtol: relative tolerance of a step.
+      solver: see `simulate`.
+      max_steps: largest number of steps of a span.
+    Raises:
+      ValueError: an entry of the state has no column, no row is complete, or an argument is out of
+        range; see also `fit`.
+    Example:
+      >>> import jaxdyn
+      >>> from jaxdyn import scenes
+      >>> swing = jaxdyn.simulate(scenes.pendulum(g=9.7), 4.0, samples=40)
+      >>> found = jaxdyn.train(scenes.pendulum, {"g": 8.0}, swing, steps=300)
+      >>> abs(found.params["g"] - 9.7) < 0.01
+      True
+    """
+    _checks.whole("steps", steps, 1)
+    _checks.whole("ahead", ahead, 1)
+    if optimiser is not None and not callable(getattr(optimiser, "update", None)):
+        remedy = "For example optax.adam(0.01)."
+        raise _checks.fail("optimiser", "one of Optax", type(optimiser).__name__, remedy)
+    options = {"rtol": rtol, "solver": solver, "max_steps": max_steps, "adjoint": True}
+    model, theta, scene, table, _ = pose(make, guess, data, columns, observe, options)
+    spans = _spans(model, scene, table, ahead)
+    optimiser = optax.adam(_RATE) if optimiser is None else optimiser
+    best, losses, lost = _descend(model, spans, theta, optimiser, steps)
+    params = model.as_given(best)
+    start = model.scene(best).starting(spans.starts[0])
+    outcome = TrainingStatus.NO_MOTION if bool(lost) else TrainingStatus.DONE
+    return Training(params, start, np.asarray(losses), outcome)
+
+
+def _spans(model: Model, scene: Scene, table: Measured, ahead: int) -> Spans:
+    """The spans from all complete rows that enough rows follow."""
+    of_entry = {column.entry: j for j, column in enumerate(model.columns)}
+    names = [name for name, _ in scene.labels()]
+    missing = [name for i, name in enumerate(names) if i not in of_entry]
+    if missing:
+        wanted, got = "a column for each entry of the state", f"none for {', '.join(missing)}"
+        remedy = "Spans begin at measured states; jaxdyn.fit estimates what was not measured."
+        raise _checks.fail("data", wanted, got, remedy)
+    entries = [of_entry[i] for i in range(len(names))]
+    known = np.isfinite(table.values)
+    first = np.flatnonzero(known[:, entries].all(axis=1))
+    first = first[first + ahead < len(table.ts)]
+    after = first[:, None] + np.arange(1, ahead + 1)
+    there = known[after]
+    if not there.any():
+        wanted = f"a complete row with {ahead} more after it"
+        raise _checks.fail("data", wanted, f"{len(table.ts)} rows without one", "Lower ahead=.")
+    spread = np.nanstd(table.values, axis=0)
+    weights = there / np.where(spread > 0, spread, 1.0) ** 2
+    return Spans(
+        starts=jnp.asarray(table.values[first][:, entries]),
+        begin=jnp.asarray(table.ts[first]),
+        ts=jnp.asarray(table.ts[after]),
+        values=jnp.asarray(np.where(there, table.values[after], 0.0)),
+        weights=jnp.asarray(weights / there.sum()),
+    )
+
+
+@eqx.filter_jit
+def _descend(
+    model: Model, spans: Spans, theta: Array, optimiser: optax.GradientTransformation, steps: int
+) -> tuple[Array, Array, Array]:
+    """The best parameters, all losses (steps + 1,), and whether one was not finite."""
+
+    def loss(theta: Array) -> Array:
+        def of_span(start, begin, ts, values, weights):
+            seen, _ = model.run(theta, start, begin, ts[-1], ts)
+            return jnp.sum(weights * model.misfit(seen, values) ** 2)
+
+        return jnp.sum(jax.vmap(of_span)(*spans))
+
+    def step(carry, _):
+        theta, state, best, least, lost = carry
+        value, slope = jax.value_and_grad(loss)(theta)
+        lost = lost | ~(jnp.isfinite(value) & jnp.isfinite(slope).all())
+        better = value < least
+        best = jnp.where(better, theta, best)
+        with jax.numpy_dtype_promotion("standard"):  # Optax mixes floats and whole numbers
+            change, new = optimiser.update(slope, state, theta)
+        kept = jax.tree.map(
+            lambda old, new: jnp.where(lost, old, new), (theta, state), (theta + change, new)
+        )
+        return (*kept, best, jnp.where(better, value, least), lost), jnp.where(lost, jnp.nan, value)
+
+    first = (theta, optimiser.init(theta), theta, jnp.asarray(jnp.inf), jnp.asarray(False))
+    (_, _, best, _, lost), losses = lax.scan(step, first, None, length=steps + 1)
+    return best, losses, lost

@@ -1,0 +1,128 @@
+"""Training by gradient descent: against least squares, and what it refuses."""
+
+import re
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+import pytest
+from helpers import gap
+
+import jaxdyn
+from jaxdyn import scenes
+from jaxdyn.fitting import TrainingStatus
+
+TS = np.linspace(0.0, 2.0, 21)
+
+
+def decay(t, y, p):
+    del t
+    return [-p["k"] * y[0]]
+
+
+def decaying(k):
+    return jaxdyn.ode(decay, [1.0], names=["x"], params={"k": k})
+
+
+def train(data, guess=None, make=decaying, **options):
+    guess = {"k": 1.0} if guess is None else guess
+    return jaxdyn.train(make, guess, data, **options)
+
+
+def refusal(call):
+    with pytest.raises(ValueError, match=":") as caught:
+        call()
+    return str(caught.value)
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    return {"t": TS, "x": np.exp(-0.7 * TS) + 0.01 * np.random.default_rng(0).standard_normal(21)}
+
+
+@pytest.fixture(scope="module")
+def found(noisy):
+    return train(noisy, steps=600)
+
+
+@pytest.mark.slow
+def test_the_best_parameters_are_those_of_least_squares_one_step_ahead(noisy, found):
+    x = noisy["x"]
+    factor = x[:-1] @ x[1:] / (x[:-1] @ x[:-1])  # of the linear map from one row to the next
+    assert abs(found.params["k"] + np.log(factor) / TS[1]) < 1e-4
+    off = x[:-1] * np.exp(-1.0 * TS[1]) - x[1:]
+    assert abs(found.losses[0] - np.mean(off**2) / np.std(x) ** 2) < 1e-6 * found.losses[0]
+    assert found.losses.shape == (601,)
+    assert found.ok
+    assert found.outcome == TrainingStatus.DONE
+    assert gap(found.scene.y0, x[:1]) == 0
+    assert "Training of decay" in repr(found)
+    assert "600" in repr(found)
+
+
+@pytest.mark.slow
+def test_gaps_are_left_out_and_longer_spans_predict_further(noisy):
+    data = {"t": TS, "x": noisy["x"].copy()}
+    data["x"][7] = np.nan
+    found = train(data, steps=600, ahead=2)
+    k = np.linspace(0.5, 1.0, 2001)
+    t, x = (np.delete(column, 7) for column in (data["t"], data["x"]))
+    pairs = [(i, i + n) for i in range(len(x) - 2) for n in (1, 2)]
+    off = [x[i] * np.exp(-k * (t[j] - t[i])) - x[j] for i, j in pairs]
+    loss = np.mean(np.square(off), axis=0) / np.var(x)
+    assert abs(found.params["k"] - k[loss.argmin()]) < 2 * (k[1] - k[0])
+    assert abs(np.nanmin(found.losses) - loss.min()) < 1e-5 * loss.min()
+
+
+@pytest.mark.slow
+def test_a_network_learns_a_force():
+    def rate(t, y, p):
+        del t
+        return {"x": y["v"], "v": p["net"](y["x"][None])[0] - p["damping"] * y["v"]}
+
+    def scene(p):
+        return jaxdyn.ode(rate, {"x": 1.5, "v": 0.0}, 10.0, params=p)
+
+    def truth(t, y):
+        del t
+        return {"x": y["v"], "v": -y["x"] - y["x"] ** 3 - 0.2 * y["v"]}
+
+    seen = jaxdyn.simulate(jaxdyn.ode(truth, {"x": 1.5, "v": 0.0}, 10.0), samples=41)
+    net = eqx.nn.MLP(1, 1, 8, 1, jnp.tanh, key=jax.random.key(0))
+    guess = {"net": net, "damping": jnp.asarray(0.5)}
+    found = jaxdyn.train(scene, guess, seen, steps=300, optimiser=optax.adam(0.03))
+    assert abs(found.params["damping"] - 0.2) < 0.01
+    x = jnp.linspace(-1.2, 1.2, 7)[:, None]
+    assert jnp.max(jnp.abs(jax.vmap(found.params["net"])(x) + x + x**3)) < 0.1
+
+
+def test_a_loss_that_is_lost_leaves_the_best_parameters(noisy):
+    found = train(noisy, steps=20, optimiser=optax.sgd(1e6))
+    assert found.outcome == TrainingStatus.NO_MOTION
+    assert not found.ok
+    assert "smaller learning rate" in found.message
+    assert np.isfinite(found.params["k"])
+    assert np.isnan(found.losses[-1])
+    assert np.nanmin(found.losses) <= found.losses[0]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"steps": 0}, "steps: expected"),
+        ({"ahead": 0}, "ahead: expected"),
+        ({"ahead": 30}, "a complete row with 30 more after it, got 21 rows without one"),
+        ({"optimiser": 0.01}, "optimiser: expected one of Optax, got float"),
+        ({"guess": {"kk": 1.0}}, "guess: expected"),
+    ],
+)
+def test_misuse_is_refused(noisy, options, said):
+    assert said in refusal(lambda: train(noisy, **options))
+
+
+def test_every_entry_of_the_state_is_measured():
+    data = {"t": TS, "theta": np.sin(TS)}
+    said = refusal(lambda: jaxdyn.train(scenes.pendulum, {"g": 9.0}, data))
+    assert re.search("each entry of the state, got none for theta_dot.*jaxdyn.fit", said)
