@@ -69,7 +69,11 @@ def test_words_of_the_field_find_scenes(jaxdyn):
         ("slingshot", "n_body"),
         ("Kepler", "two_body"),
         ("spring pendulum", "spring_mass"),
-        ("optax", "28_neural_terms.md"),  # in fewer lines than a guide about it has
+        ("optax", "28_neural_terms.md"),
+        ("machine learning", "28_neural_terms.md"),
+        ("vibrations", "spring_chain"),
+        ("MDOF", "spring_chain"),
+        ("suspension", "23_vibrations.md"),
     ],
 )
 def test_words_of_the_field_find_guides_problems_and_words(jaxdyn, word, shown):
