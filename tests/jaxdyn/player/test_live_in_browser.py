@@ -149,6 +149,15 @@ def test_dragging_is_the_inverse_of_the_points(window, tmp_path, mark):
     assert start[2:].tolist() == [0.3, -0.2]  # the velocities stay those of the start
 
 
+def test_a_body_is_dragged_to_a_displacement_from_rest(window, tmp_path):
+    opened(window, scenes.spring_chain(x=(0.1, 0.0)), tmp_path)
+    live(window, "grab()")
+    assert live(window, "state()")["points"][0][1][0] == 2.0
+    live(window, "drag(1, [2.3])")
+    start = live(window, "state()")["start"]
+    np.testing.assert_allclose(start, [0.1, 0.3, 0.0, 0.0], rtol=0, atol=1e-9)
+
+
 def test_dragging_keeps_constraints(window, tmp_path):
     scene = scenes.four_bar()
     opened(window, scene, tmp_path)
