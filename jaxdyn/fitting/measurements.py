@@ -162,7 +162,8 @@ def _floats(name: str, given: Any) -> np.ndarray:
             raise TypeError
         return np.asarray(found, float)
     except (TypeError, ValueError) as error:
-        raise _checks.fail(f"column {name}", "numbers", reprlib.repr(given)) from error
+        remedy = "" if name == TIME else "Name the columns to use: columns=[...], or --column."
+        raise _checks.fail(f"column {name}", "numbers", reprlib.repr(given), remedy) from error
 
 
 def _numbers(name: str, given: Any, count: int) -> np.ndarray:
