@@ -27,6 +27,7 @@ from .analysis.linearize import modes as modes
 from .chaos.lyapunov import lyapunov_exponents as lyapunov_exponents
 from .continuation.equilibria import continue_equilibria as continue_equilibria
 from .continuation.two_parameters import continue_curve as continue_curve
+from .files.astronomy import read_bodies as read_bodies
 from .files.loading import load as load
 from .files.tables import read_csv as read_csv
 from .fitting.fit import fit as fit

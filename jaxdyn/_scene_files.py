@@ -199,9 +199,7 @@ def locate_errors() -> Iterator[None]:
     except OSError:  # names its file
         raise
     except Exception as error:
-        modules = [
-            frame.f_globals["__name__"] for frame, _ in traceback.walk_tb(error.__traceback__)
-        ]
+        modules = _modules(error)
         theirs = [i for i, name in enumerate(modules) if name.startswith(_MODULE)]
         ours = [i for i, name in enumerate(modules) if name.startswith(("jaxdyn", "orbits"))]
         if not theirs or theirs[-1] < ours[-1]:
@@ -210,6 +208,18 @@ def locate_errors() -> Iterator[None]:
         place = f"{at.filename}, line {at.lineno}, in {at.name}"
         got = f"{type(error).__name__}: {error}"
         raise ValueError(f'{place}: "{at.line}" raised {got}') from error
+
+
+def is_raised_by(error: BaseException) -> bool:
+    """Whether a line of such a file raised an error, or called what raised it."""
+    return any(name.startswith(_MODULE) for name in _modules(error)) or (
+        error.__cause__ is not None and is_raised_by(error.__cause__)
+    )
+
+
+def _modules(error: BaseException) -> list[str]:
+    """The modules in which an error passed, the outermost first."""
+    return [frame.f_globals["__name__"] for frame, _ in traceback.walk_tb(error.__traceback__)]
 
 
 def defaults(function: Callable[..., Any]) -> dict[str, Any]:

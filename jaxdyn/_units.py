@@ -12,6 +12,10 @@ from typing import NamedTuple
 from jaxdyn._text import fail
 
 _DAY = 86_400.0
+#: The gravitational constant [m^3/(kg s^2), CODATA 2018].
+GRAVITATIONAL_CONSTANT = 6.67430e-11
+#: The gravitational constant times nominal masses [m^3/s^2]. IAU 2015 resolution B3.
+_GRAVITIES = {"Msun": 1.3271244e20, "Mjup": 1.2668653e17, "Mearth": 3.986004e14}
 #: Size in SI units, and the power of each base unit.
 _KNOWN: dict[str, tuple[float, dict[str, int]]] = {
     **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), (1.0, {"m": 1})),
@@ -34,6 +38,7 @@ _KNOWN: dict[str, tuple[float, dict[str, int]]] = {
     **dict.fromkeys(("yr", "year", "years"), (365.25 * _DAY, {"s": 1})),
     "kg": (1.0, {"kg": 1}),
     "g": (1e-3, {"kg": 1}),
+    **{name: (x / GRAVITATIONAL_CONSTANT, {"kg": 1}) for name, x in _GRAVITIES.items()},
     **dict.fromkeys(("rad", "rads", "radian", "radians"), (1.0, {"rad": 1})),
     "mrad": (1e-3, {"rad": 1}),
     **dict.fromkeys(("deg", "degree", "degrees", "\N{DEGREE SIGN}"), (math.pi / 180, {"rad": 1})),

@@ -29,6 +29,7 @@ from jaxtyping import Array, Float
 from jaxdyn import _checks, _text
 from jaxdyn._checks import check_kind
 from jaxdyn._records import Record, notes_on
+from jaxdyn._units import measure
 from jaxdyn.scales import Groups, groups
 from jaxdyn.sketch import Shape
 from jaxdyn.system import Effect, Points, System, check_field
@@ -483,6 +484,11 @@ def check_units(units: Any) -> None:
     if not several or not all(isinstance(x, str) and x.isidentifier() for x in units):
         wanted = 'names of the units of length, mass and time, such as ("AU", "Msun", "day")'
         raise _checks.fail("units", wanted, repr(units))
+    for name, base in zip(units, _SI, strict=True):
+        known = measure(name)
+        if known is not None and known.powers != ((base, 1),):
+            remedy = "The order is length, mass, time."
+            raise _checks.fail("units", f"a unit of the same kind as {base}", repr(name), remedy)
 
 
 #: Compiling takes some 0.06 s per effect, and grows faster than their number [measured: 200 drags

@@ -2,9 +2,9 @@
 
 `list`, `run`, `equations`, `fit`, `accuracy`, `chaos`, `vibration`, `hard`, `course`, `gallery` and
 `info` are the commands, which `app` collects. `shared` has their options, whose numbers may be
-arithmetic such as ``pi/2`` (see `jaxdyn._arithmetic`), `screen` their output; `docstrings` reads
-names of scenes and solvers and values of `--set`, `completion` offers them to the shell, and
-`topics` finds texts about a word.
+arithmetic such as ``pi/2`` (see `jaxdyn._arithmetic`), `screen` their output; `messages` of
+functions name options in place of arguments; `docstrings` reads names of scenes and solvers and
+values of `--set`, `completion` offers them to the shell, and `topics` finds texts about a word.
 
 May import: `hard`, `drawing`, `symbolic`, `vibration`. Nothing here loads JAX before a command
 needs it.

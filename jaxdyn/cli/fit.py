@@ -54,6 +54,7 @@ def fit_command(
     noise: Annotated[
         float | None, number("Standard deviation of the measurements; estimated by default.")
     ] = None,
+    segments: Annotated[int | None, typer.Option(help="Number of segments of the motion.")] = None,
     plot: PlotOption = None,
     title: TitleOption = None,
     as_object: JsonOption = False,
@@ -70,6 +71,7 @@ def fit_command(
             start=start or None,
             columns=column or None,
             noise=noise,
+            segments=segments,
             throw=False,
         )
         if as_object:

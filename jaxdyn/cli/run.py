@@ -10,6 +10,7 @@ import jaxdyn
 from jaxdyn._text import choice, fail, number_of, whole
 from jaxdyn.cli import completion
 from jaxdyn.cli.docstrings import scene_settings, solver_names
+from jaxdyn.cli.messages import in_options
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     AnimateOption,
@@ -33,6 +34,8 @@ from jaxdyn.cli.shared import (
 )
 from jaxdyn.files.output_files import archive_path, table_path
 
+#: Options that warnings advise.
+_ADVISED = ("--solver", "--rtol")
 STOPPED = 1  # exit code: the motion did not reach its end
 _MOST_SAMPLES = 1_000_000  # each becomes text
 _RTOL = 1e-10  # that of jaxdyn.simulate, which help does not load
@@ -119,7 +122,7 @@ def _check_numbers(
         raise fail("--seconds", "--animate with it", "none", "It is how long that lasts.")
     if at is not None and free_body is None:
         raise fail("--at", "--free-body with it", "none", "It is the time of that picture.")
-    remedy = f"It is at most {_MOST_SAMPLES} here; jaxdyn.simulate takes more."
+    remedy = f"It is at most {_MOST_SAMPLES} here; a program may take more."
     whole("samples", samples, most=_MOST_SAMPLES, remedy=remedy)
 
 
@@ -185,4 +188,4 @@ def _print(record: dict, end: "jaxdyn.accuracy.EndError", out: Screen) -> None:
         out.print(escape(record["energy_message"]))
     out.print(f"{number_of(record['steps'], 'step')}, {record['rejected']} rejected")
     if record["warning"]:
-        out.print(f"[yellow]warning[/yellow]: {escape(record['warning'])}")
+        out.print(f"[yellow]warning[/yellow]: {escape(in_options(record['warning'], _ADVISED))}")

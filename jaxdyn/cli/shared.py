@@ -19,9 +19,11 @@ import typer
 
 import jaxdyn
 from jaxdyn import _scene_files
+from jaxdyn._arithmetic import remedy as remedy_for
 from jaxdyn._arithmetic import value
 from jaxdyn._text import fail
-from jaxdyn.cli import completion
+from jaxdyn.cli import completion, docstrings
+from jaxdyn.cli.messages import in_options, settings_of
 from jaxdyn.files.input_files import MAX_BYTES, content
 from jaxdyn.files.output_files import animation_path, page_path, picture_path
 
@@ -111,6 +113,15 @@ def check_title(title: str | None, *pictures: Path | None, options: str = "--plo
         raise fail("--title", f"{options} with it", "none", "It is the title of the picture.")
 
 
+def numbers(option: str, text: str) -> list[float]:
+    """The numbers in A,B,..."""
+    try:
+        return [value(part) for part in text.split(",")]
+    except ValueError:
+        remedy = remedy_for(text)
+        raise fail(option, "comma-separated numbers", repr(text), remedy) from None
+
+
 def open_page(page: "jaxdyn.player.PlayerPage", name: str) -> str:
     """Write a page to a folder of temporary files and open it in the browser; say where it is."""
     path = Path(tempfile.mkdtemp(prefix="jaxdyn-")) / f"{name}.html"
@@ -172,7 +183,7 @@ def start(app: typer.Typer) -> None:
     except _Usage as error:
         _refuse(f"{error.format_message().rstrip('.')}. See --help.")
     except ValueError as error:
-        _refuse(str(error))
+        _refuse(_in_options(app, error))
     except typer.Abort:
         raise SystemExit(INTERRUPTED) from None
     except BrokenPipeError:
@@ -186,6 +197,18 @@ def start(app: typer.Typer) -> None:
     finally:
         # Python would search all that is alive for cycles once more before it ends, in 0.4 s.
         gc.freeze()
+
+
+def _in_options(app: typer.Typer, error: ValueError) -> str:
+    """The message of an error, in the words of the command that was run."""
+    name, *arguments = sys.argv[1:]
+    command = getattr(typer.main.get_command(app), "commands", {}).get(name)
+    if command is None or _scene_files.is_raised_by(error):
+        return str(error)
+    zoo = docstrings.scenes()
+    parameters = {key for word in arguments if word in zoo for key in zoo[word].parameters}
+    options = {option for parameter in command.params for option in parameter.opts}
+    return in_options(str(error), options, parameters, settings_of(arguments))
 
 
 def _let_go() -> None:

@@ -9,7 +9,6 @@ from rich.markup import escape
 from rich.table import Table
 
 import jaxdyn
-from jaxdyn import _arithmetic
 from jaxdyn._text import brief, fail, second, whole
 from jaxdyn.cli.docstrings import scene_settings
 from jaxdyn.cli.screen import Screen, screen
@@ -20,6 +19,7 @@ from jaxdyn.cli.shared import (
     SetOption,
     TitleOption,
     check_title,
+    numbers,
     output_option,
 )
 from jaxdyn.files.output_files import table_path
@@ -74,14 +74,11 @@ def vibration_command(
 
 def at_equilibrium(scene: "jaxdyn.Scene", start: str | None) -> "jaxdyn.Scene":
     """The scene at the equilibrium near a state A,B,..., or near its own initial state."""
-    if start is None:
-        near = scene.y0.tolist()
-    else:
-        near = [_arithmetic.value(part) for part in start.split(",")]
+    near = scene.y0.tolist() if start is None else numbers("--start", start)
     found = jaxdyn.analysis.equilibria.equilibrium(scene, near).tolist()
     if not all(map(math.isfinite, found)):
-        remedy = "jaxdyn.equilibria finds all of them."
-        raise fail("--start", "a state near an equilibrium", brief(near), remedy)
+        came = "the start of the scene" if start is None else start
+        raise fail("--start", "a state near an equilibrium", f"{came}, near which none was found")
     return scene.starting(found)
 
 
@@ -145,7 +142,7 @@ def _range(within: str | None, scene: "jaxdyn.Scene") -> tuple[float, float]:
     if within is None:
         found = [w for w in jaxdyn.vibration.modes(scene).frequencies.tolist() if w > 0]
         return 0.1 * min(found, default=1.0), 10 * max(found, default=1.0)
-    bounds = [_arithmetic.value(part) for part in within.split(",")]
+    bounds = numbers("--within", within)
     if not (len(bounds) == 2 and 0 < bounds[0] < bounds[1]):
         raise fail("--within", "two frequencies > 0, the lower one first", repr(within))
     return bounds[0], bounds[1]

@@ -1,4 +1,4 @@
-"""Positions and velocities in the formats of astronomers: JPL Horizons and REBOUND.
+"""Positions and velocities in the formats of astronomers: tables, JPL Horizons and REBOUND.
 
 A vector table of Horizons is the text that its web page, its e-mail service and its programming
 interface return for "Vector Table", with or without "CSV format": lines between $$SOE and $$EOE.
@@ -6,7 +6,7 @@ REBOUND (Rein and Liu, 2012) is optional; a simulation is read by its attributes
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,11 +15,13 @@ import numpy as np
 from jaxdyn import _checks, _labelled
 from jaxdyn._checks import check_first
 from jaxdyn._text import fail
+from jaxdyn._units import conversion
 from jaxdyn.effects import PairGravity
 from jaxdyn.files.input_files import MAX_BYTES, content
+from jaxdyn.files.tables import Columns, read_csv
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.scene import Scene
-from jaxdyn.scenes.nbody import n_body
+from jaxdyn.scene import Scene, check_units
+from jaxdyn.scenes.nbody import gravitational_constant, n_body
 
 _NUMBER = r"[+-]?\d+\.?\d*(?:[EeDd][+-]?\d+)?"
 _BEGIN, _END = "$$SOE", "$$EOE"
@@ -120,6 +122,103 @@ def _blocks(body: str) -> tuple[list[float], list[list[float]]]:
 
 def _number(text: str) -> float:
     return float(text.replace("D", "E").replace("d", "e"))
+
+
+#: Other names of columns in tables of bodies, in small letters.
+_ALSO = {"mass": "m", "mu": "gm", "body": "name"}
+_BODIES = "columns of numbers x, y, z, vx, vy, vz, and m or GM"
+_GIVE_UNITS = 'Pass units=("AU", "Msun", "day"), or those in which the scene is to be.'
+
+
+def read_bodies(path: str | Path, *, units: Sequence[str] = (), G=None, t1=1.0) -> Scene:
+    r"""The scene of the bodies in a text file, under their gravity: a table with a line for each.
+
+    The table has the columns x, y, z, vx, vy, vz, and m or GM, in any order; without z and vz the
+    bodies move in a plane. Their names are in a column "name", or in the only one of text if they
+    differ. Other columns are ignored; small and capital letters are alike. `jaxdyn.read_csv` says
+    what else a file may have.
+
+    Args:
+      path: path of the file.
+      units: names of the units of length, mass and time of the scene; see `scenes.n_body`. Columns
+        with a unit in brackets behind their name are converted to these, others are in them.
+      G: gravitational constant in these units; by default that of nature.
+      t1: span.
+    Raises:
+      ValueError: `path` cannot be read, a column is missing, has gaps or a unit that is not known,
+        or neither units nor G are given.
+    Example:
+      >>> import tempfile, jaxdyn
+      >>> with tempfile.TemporaryDirectory() as folder:
+      ...     with open(f"{folder}/bodies.txt", "w") as file:
+      ...         _ = file.write("name m x y vx vy [km/s]\nSun 1 0 0 0 0\nEarth 0 1 0 0 29.8\n")
+      ...     scene = jaxdyn.read_bodies(f"{folder}/bodies.txt", units=("AU", "Msun", "day"))
+      >>> [name for name, _ in scene.labels()][:3], float(scene.y0[-1].round(4))
+      (['x_Sun', 'y_Sun', 'x_Earth'], 0.0172)
+    """
+    if not len(units) and G is None:
+        raise fail("units", "names of the units of length, mass and time", "none", _GIVE_UNITS)
+    if len(units):
+        check_units(units)
+    strength = gravitational_constant(units) if G is None else G
+    table = read_csv(path)
+    named = {_ALSO.get(name.lower(), name.lower()): name for name in table}
+    axes = "xyz" if {"z", "vz"} & {*named} else "xy"
+    masses = "gm" if "gm" in named else "m"
+    wanted = dict.fromkeys(axes, (1, 0, 0)) | {f"v{x}": (1, 0, -1) for x in axes}
+    wanted[masses] = (3, 0, -2) if masses == "gm" else (0, 1, 0)
+    if missing := [name for name in wanted if name not in named]:
+        came = f"{', '.join(table)} in {path}"
+        raise fail("path", _BODIES, came, f"Of these {missing[0]} is missing.")
+    found = {name: _in_units(table, named[name], units, powers) for name, powers in wanted.items()}
+    m = found[masses]
+    return n_body(
+        np.stack([found[x] for x in axes], axis=1),
+        np.stack([found[f"v{x}"] for x in axes], axis=1),
+        m=m / strength if masses == "gm" else m,
+        G=strength,
+        names=_names_of_bodies(table, named),
+        t1=t1,
+        units=units,
+    )
+
+
+def _in_units(
+    table: Columns, name: str, units: Sequence[str], powers: tuple[int, ...]
+) -> np.ndarray:
+    """A column in powers of the units of length, mass and time; those of brackets are converted."""
+    column, given = table[name], table.units.get(name, "")
+    if column.dtype.kind != "f":
+        raise fail(f"column {name}", "numbers", "text", "Leave gaps empty, without a mark.")
+    if np.isnan(column).any():
+        remedy = "Write 0 for the mass of a test particle."
+        came = f"a gap for body {np.flatnonzero(np.isnan(column))[0] + 1}"
+        raise fail(f"column {name}", "a number for each body", came, remedy)
+    if not given:
+        return column
+    if not len(units):
+        raise fail("units", "the units of the scene", f"{name} in {given}", _GIVE_UNITS)
+    up, down = (
+        " ".join(
+            unit if n * sign == 1 else f"{unit}^{n * sign}"
+            for unit, n in zip(units, powers, strict=True)
+            if n * sign > 0
+        )
+        for sign in (1, -1)
+    )
+    wanted = f"{up}/{down}" if down else up
+    return column * conversion(f"column {name}", given, wanted)
+
+
+def _names_of_bodies(table: Columns, named: Mapping[str, str]) -> list[str]:
+    """The names of the bodies, which may be numbers; none without such a column."""
+    texts = [name for name, column in table.items() if column.dtype.kind == "U"]
+    differ = len(texts) == 1 and len({*table[texts[0]].tolist()}) == len(table[texts[0]])
+    if "name" in named:
+        texts = [named["name"]]
+    elif not differ:
+        return []
+    return [x if isinstance(x, str) else f"{x:.15g}" for x in table[texts[0]].tolist()]
 
 
 def from_rebound(sim: Any, t1=1.0, *, units: Sequence[str] = ()) -> Scene:

@@ -356,7 +356,7 @@ def _with_numbers(known: SceneNumbers, given: Scene | None) -> Scene:
     """A given scene with the numbers of a file, if it has the same equations."""
     title = known.name or "of the file"
     if given is None:
-        remedy = "Pass it as scene=, or --scene on the command line: files hold no functions."
+        remedy = "Pass it as scene=: files hold no functions."
         raise fail("scene", f"the scene {title}, with any values of its numbers", "none", remedy)
     leaves, tree = jax.tree.flatten(given)
     entries = [name for name, _ in given.labels()]

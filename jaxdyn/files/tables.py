@@ -141,7 +141,11 @@ _DECIMAL = re.compile(r"[+-]?(?![1-9]\d{0,2},\d{3}$)\d*,\d*(?:[eE][+-]?\d+)?")
 #: A number with several points or commas.
 _THOUSANDS = re.compile(r"[+-]?\d*([.,]\d*){2,}(?:[eE][+-]?\d+)?")
 _MARKS = "Write one decimal point or comma in each number, and nothing between thousands."
-_NO_TEXT = "Below the names there are numbers only; leave gaps empty, and columns of text out."
+#: Cells with commas that could be numbers, unlike "Moon, the".
+_WITH_COMMA = re.compile(r"[-+\d.,eE]*,[-+\d.,eE]*")
+#: A cell between spaces: in quotation marks, or a word with the unit in brackets that follows it.
+_WORD = re.compile(r'"(?P<quoted>[^"]*)"(?=\s|$)|[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?|\S+')
+_NO_TEXT = "Leave gaps empty. In a column of text nothing is a number, and it has no unit."
 _TABLE = "A line of names such as t, x, y, then lines of numbers."
 
 
@@ -210,20 +214,23 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> Columns
 
     Columns are separated by commas, semicolons, tabs or spaces. Numbers may have decimal commas,
     in quotes where commas separate columns too. Lines that begin with # or sep= are skipped, as are
-    titles: lines before the names that have another number of columns, or empty ones. A unit in
-    brackets behind a name is taken off: cm, mm, ms, degrees and rpm, also in quotients such as
-    mm/s, become m, s, radians and rad/s; others stay, and `fit` converts them. "time" is called
-    "t".
+    titles: lines before the names that have another number of columns, or empty ones. Where no line
+    has the names, the last line above the table that begins with # has them, if it has as many. A
+    unit in brackets behind a name is taken off: cm, mm, ms, degrees and rpm, also in quotients such
+    as mm/s, become m, s, radians and rad/s; others stay, and `fit` converts them. "time" is called
+    "t". A column in which nothing is a number, such as one of names, is one of text.
+    `jaxdyn.read_bodies` makes a scene of a table of bodies.
 
     Args:
       path: path of the file.
       names: names of the columns, for a file without a line of names.
     Returns:
-      Arrays (s,) by name, NaN for empty places; its attribute `units` has the units. A column that
-      is assigned later has none until one is stated, as in ``table.units["x"] = "m"``.
+      Arrays (s,) by name, of floats with NaN for empty places or of text; its attribute `units` has
+      the units. A column that is assigned later has none until one is stated, as in
+      ``table.units["x"] = "m"``.
     Raises:
-      ValueError: `path` cannot be read, a line has another number of columns or something that is
-        not a number, or two columns have one name.
+      ValueError: `path` cannot be read, a line has another number of columns, a column has numbers
+        and text, or two columns have one name.
     Example:
       >>> import tempfile, jaxdyn
       >>> with tempfile.TemporaryDirectory() as folder:
@@ -238,39 +245,74 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> Columns
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise fail("path", "a table as text", f"{path}, which is none", _TABLE) from error
-    # A tab at an end of a line may stand beside an empty cell.
-    lines = [(i, line.strip(" ")) for i, line in enumerate(text.splitlines(), 1) if line.strip()]
-    lines = [(i, line) for i, line in lines if not line.startswith(("#", "sep="))]
-    if not lines:
-        raise fail("path", "a table as text", f"{path} without lines", _TABLE)
-    lines = lines[_titles([line for _, line in lines]) :]
-    separator = _separator(lines[0][1])
-    rows = [_Row(i, _cells(line, separator)) for i, line in lines]
-    first, rows = (rows[0].cells, rows[1:]) if names is None else (list(names), rows)
-    decimal = separator != "," or _commas_are_decimal(rows, path)
-    # Some programs end each line with a separator.
-    if first and not first[-1] and not any(row.cells[-1] for row in rows):
-        first = first[:-1]
-    rows = [
-        _Row(i, cells[:-1] if len(cells) > len(first) and not cells[-1] else cells)
-        for i, cells in rows
-    ]
-    heads = [_HEAD.fullmatch(name.strip()) for name in first]
+    given, rows, decimal = _names_and_rows(text, names, path)
+    heads = [_HEAD.fullmatch(name.strip()) for name in given]
     found = Columns()
     for i, name in enumerate(_column_names([head["name"] for head in heads if head])):
         head = heads[i]
         assert head is not None  # all text matches
         if name in found:
-            raise fail("names", "different ones", f"{name} twice")
-        column = np.array([_number(row, i, first, decimal, path) for row in rows], float)
-        found[name], unit = _in_si(column, (head["unit"] or "").strip())
+            raise fail("names", "different ones", f"{name} twice", "Is a line of names missing?")
+        unit = (head["unit"] or "").strip()
+        cells = [_cell(row, i, given, path) for row in rows]
+        if name != _TIMES[0] and not unit and _is_text(cells):
+            found[name] = np.array(cells, str)
+            continue
+        where = [f"line {row.line}, column {given[i].strip()}" for row in rows]
+        numbers = [_number(*one, decimal, path) for one in zip(cells, where, strict=True)]
+        found[name], unit = _in_si(np.array(numbers, float), unit)
         if unit:
             found.units[name] = unit
-    if not rows:
-        raise fail("path", "lines of numbers below the names", f"none in {path}", _TABLE)
-    if names is None and all(_is_number(name.replace(",", ".")) for name in first):
-        raise fail("path", "a line of names first", f"{lines[0][1][:40]!r}", "Pass names=[...].")
     return found
+
+
+def _names_and_rows(
+    text: str, names: Sequence[str] | None, path: str | Path
+) -> tuple[list[str], list["_Row"], bool]:
+    """The names of columns in a text, the lines below them, and whether commas are decimal ones.
+
+    Args:
+      text: the text.
+      names: names of the columns, for a text without a line of names.
+      path: path of the file, for messages.
+    """
+    # A tab at an end of a line may stand beside an empty cell.
+    every = [(i, line.strip(" ")) for i, line in enumerate(text.splitlines(), 1) if line.strip()]
+    lines = [(i, line) for i, line in every if not line.startswith(("#", "sep="))]
+    if not lines:
+        raise fail("path", "a table as text", f"{path} without lines", _TABLE)
+    above = every[every.index(lines[0]) - 1][1] if every[0] != lines[0] else ""
+    lines = lines[_titles([line for _, line in lines]) :]
+    separator = _separator(lines[0][1])
+    rows = [_Row(i, _cells(line, separator)) for i, line in lines]
+    if names is None:
+        remark = above.lstrip("#").strip() if above.startswith("#") else ""
+        names, rows = _take_names(rows, _cells(remark, separator) if remark else [], path)
+    decimal = separator != "," or _commas_are_decimal(rows, path)
+    # Some programs end each line with a separator.
+    if names and not names[-1] and not any(row.cells[-1] for row in rows):
+        names = names[:-1]
+    ended = [row.cells[:-1] if not row.cells[-1] else row.cells for row in rows]
+    rows = [
+        row if len(row.cells) <= len(names) else _Row(row.line, cells)
+        for row, cells in zip(rows, ended, strict=True)
+    ]
+    return list(names), rows, decimal
+
+
+def _take_names(
+    rows: list["_Row"], remark: list[str], path: str | Path
+) -> tuple[list[str], list["_Row"]]:
+    """The names of columns, from the first row or from the remark above it; and the other rows."""
+    first = rows[0].cells
+    named = len(remark) == len(first) and not any(map(_is_number, remark))
+    if named and any(_is_number(cell.replace(",", ".")) for cell in first):
+        return remark, rows
+    if len(rows) == 1:
+        raise fail("path", "lines of numbers below the names", f"none in {path}", _TABLE)
+    if all(_is_number(name.replace(",", ".")) for name in first):
+        raise fail("path", "a line of names first", repr(" ".join(first))[:42], "Pass names=[...].")
+    return first, rows[1:]
 
 
 def _column_names(names: Sequence[str]) -> list[str]:
@@ -293,21 +335,24 @@ def _in_si(column: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
 
 def _titles(lines: Sequence[str]) -> int:
     """Number of lines before that of the names, the first with as many cells as one of numbers."""
-    for line in lines:
-        separator = _separator(line)
-        cells = _cells(line, separator)
-        if not _is_number(cells[0].replace(",", ".")):
-            continue
-        # A title may be filled up with empty cells, as ",mass A," of Tracker.
-        heads = (_cells(one, separator) for one in lines)
-        named = (
-            i
-            for i, names in enumerate(heads)
-            if len(names) == len(cells)
-            and all(name.strip() and not _is_number(name.replace(",", ".")) for name in names)
-        )
-        return next(named, 0)
-    return 0
+    first = (line for line in lines if _is_number(_first_cell(line).replace(",", ".")))
+    # In a table that begins with a column of text, the last line is one of them for certain.
+    line = next(first, lines[-1])
+    separator = _separator(line)
+    count = len(_cells(line, separator))
+    # A title may be filled up with empty cells, as ",mass A," of Tracker.
+    heads = (_cells(one, separator) for one in lines)
+    named = (
+        i
+        for i, names in enumerate(heads)
+        if len(names) == count
+        and all(name.strip() and not _is_number(name.replace(",", ".")) for name in names)
+    )
+    return next(named, 0)
+
+
+def _first_cell(line: str) -> str:
+    return _cells(line, _separator(line))[0]
 
 
 class _Row(NamedTuple):
@@ -319,7 +364,8 @@ class _Row(NamedTuple):
 
 def _commas_are_decimal(rows: list[_Row], path: str | Path) -> bool:
     """Whether numbers have decimal commas, in quotes, where commas separate the columns too."""
-    with_commas = [(row.line, cell.strip()) for row in rows for cell in row.cells if "," in cell]
+    cells = [(row.line, cell.strip()) for row in rows for cell in row.cells]
+    with_commas = [(line, cell) for line, cell in cells if _WITH_COMMA.fullmatch(cell)]
     if with_commas and not any(_DECIMAL.fullmatch(cell) for _, cell in with_commas):
         line, cell = with_commas[0]
         came = f"{repr(cell)[:60]} in line {line}"
@@ -333,7 +379,10 @@ def _separator(line: str) -> str | None:
 
 
 def _cells(line: str, separator: str | None) -> list[str]:
-    return line.split() if separator is None else next(csv.reader([line], delimiter=separator))
+    if separator is not None:
+        return next(csv.reader([line], delimiter=separator))
+    words = _WORD.finditer(line)
+    return [word[0] if word["quoted"] is None else word["quoted"] for word in words]
 
 
 def _is_number(text: str) -> bool:
@@ -344,27 +393,38 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _number(row: _Row, i: int, names: list[str], decimal: bool, path: str | Path) -> float:
-    """The number in column i of a row; NaN where it is empty.
-
-    Args:
-      row: the row.
-      i: number of the column.
-      names: all names of columns.
-      decimal: whether commas are decimal ones.
-      path: path of the file, for messages.
-    """
+def _cell(row: _Row, i: int, names: Sequence[str], path: str | Path) -> str:
+    """The text in column i of a row, which has as many cells as there are names."""
     line, cells = row
     if len(cells) != len(names):
         came = f"{len(cells)} in line {line}: {cells}"
         raise fail("path", f"{len(names)} columns in each line of {path}", came[:90])
-    cell = cells[i].strip()
+    return cells[i].strip()
+
+
+def _is_text(cells: Sequence[str]) -> bool:
+    """Whether a column has text, and nothing that is a number or may be meant as one."""
+    return any(cells) and not any(
+        _is_number(_FORTRAN.sub("e", cell.replace(",", "."))) or _THOUSANDS.fullmatch(cell)
+        for cell in cells
+    )
+
+
+def _number(cell: str, where: str, decimal: bool, path: str | Path) -> float:
+    """The number in a cell; NaN where it is empty.
+
+    Args:
+      cell: its text.
+      where: the place of the cell, for messages.
+      decimal: whether commas are decimal ones.
+      path: path of the file, for messages.
+    """
     text = cell.replace(",", ".") if decimal else cell
     try:
         return float(_FORTRAN.sub("e", text)) if text else math.nan
     except ValueError:
-        came = f"{repr(cell)[:60]} in line {line}, column {names[i].strip()}"
         remedy = _MARKS if _THOUSANDS.fullmatch(cell) else _NO_TEXT
+        came = f"{repr(cell)[:60]} in {where}"
         raise fail("path", f"numbers in {path}", came, remedy) from None
 
 

@@ -112,7 +112,7 @@ def _degrees_of_freedom(table: measurements.Measured, names: Sequence[str], leas
     count = int(np.isfinite(table.values).sum())
     if count - len(names) < least:
         got = f"{count} of {len(names)} unknown: {', '.join(names)}"
-        remedy = "Measure more, or keep some of them at known values (start=)."
+        remedy = "Measure more, or estimate fewer: start= names entries of the start."
         raise _checks.fail("data", "more measured numbers than unknown ones", got, remedy)
     return count - len(names)
 

@@ -24,7 +24,10 @@ _NO_NUMBERS = "bcmM"  # kinds of arrays that NumPy would convert: bool, complex,
 _AXES = "xyz"
 _NO_UNIT = "1"
 _NONE = ("", "-", _NO_UNIT)  # how tables say that a column has no unit
-_REMEDY = 'For example {"t": times, "angle": values}, a DataFrame, or jaxdyn.read_csv(path).'
+_REMEDY = (
+    'The times are in a column "t" or "time". '
+    'For example {"t": times, "angle": values}, a DataFrame, or jaxdyn.read_csv(path).'
+)
 
 
 class Measured(NamedTuple):
@@ -162,7 +165,8 @@ def _floats(name: str, given: Any) -> np.ndarray:
             raise TypeError
         return np.asarray(found, float)
     except (TypeError, ValueError) as error:
-        raise _checks.fail(f"column {name}", "numbers", reprlib.repr(given)) from error
+        remedy = "" if name == TIME else "Name the columns to use: columns=[...]."
+        raise _checks.fail(f"column {name}", "numbers", reprlib.repr(given), remedy) from error
 
 
 def _numbers(name: str, given: Any, count: int) -> np.ndarray:
@@ -199,11 +203,11 @@ def columns_of(
             found.append(Column(name, length, place=places[name]))
         else:
             try:
-                _checks.choice("column", name, {*entries, *places, *functions})
+                _checks.choice("name of a column", name, {*entries, *places, *functions})
             except ValueError as error:
                 remedy = (
-                    "Rename it, name the columns to use (columns=[...], or --column), or say what "
-                    "it is with observe={...}."
+                    "Rename it, or name the columns to use, columns=[...]. Another quantity of the "
+                    "scene is defined by observe={...}."
                 )
                 raise ValueError(f"{error} {remedy}") from None
     return tuple(found)

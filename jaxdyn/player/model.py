@@ -32,8 +32,8 @@ from jaxdyn.player.pages import embed
 from jaxdyn.scene import Scene, check_scene
 from jaxdyn.scenes.corners import has_corners, phases_of
 from jaxdyn.symbolic.code import code
-from jaxdyn.symbolic.parameters import leaves, parameters, rebuild, with_parameters
-from jaxdyn.symbolic.symbols import places
+from jaxdyn.symbolic.parameters import Leaf, leaves, parameters, rebuild, with_parameters
+from jaxdyn.symbolic.symbols import is_of_user, places
 from jaxdyn.system import Effect, Points, System
 
 #: Up to this many effects have switches of their own; the number of rates is two to this power.
@@ -511,10 +511,12 @@ def _parameters(scene: Scene) -> list[dict]:
         for _ in range(leaf.value.size)
     ]
     known, words = parameters(scene), [_words(name) for name in _names(scene)]
-    at = (place for leaf in leaves(scene.field) for place in places(leaf))
+    at = ((leaf, place) for leaf in leaves(scene.field) for place in places(leaf))
     return [
-        {"name": name, "label": _label(name, place, words), "value": float(value), **one}
-        for name, place, value, one in zip(known.names, at, known.values, found, strict=True)
+        {"name": name, "label": _label(name, leaf, place, words), "value": float(value), **one}
+        for name, (leaf, place), value, one in zip(
+            known.names, at, known.values, found, strict=True
+        )
     ]
 
 
@@ -530,13 +532,16 @@ def _bound(scene: Scene, i: int) -> str:
     return ""
 
 
-def _label(name: str, place: str, effects: list[str]) -> str:
+def _label(name: str, leaf: Leaf, place: str, effects: list[str]) -> str:
     """The label of a parameter: the name of its effect, if any, in front.
 
-    Its place in an array is counted from 1, or it is the name of an axis: `m 2`, `at 1, x`.
+    Its place in an array is counted from 1, or it is the name of an axis: `m 2`, `at 1, x`. Of
+    numbers in the `params` of a user it is that of Python: `params[1]`.
     """
+    if is_of_user(leaf):
+        return name
     stem = re.sub(r"^effects\[(\d+)\]\.", lambda found: f"{effects[int(found[1])]}: ", name)
-    stem = re.sub(r"\[[\d,]*\]$", "", stem)
+    stem = re.sub(r"\[[\d,]*\]$", "", stem) if leaf.value.ndim else stem
     return f"{stem} {re.sub(r'(?=[xyz])', ', ', place).lstrip(', ')}".rstrip()
 
 

@@ -6,7 +6,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._checks import as_float, floats
-from jaxdyn._units import measure
+from jaxdyn._units import GRAVITATIONAL_CONSTANT, measure
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import Scene, check_units
@@ -34,10 +34,7 @@ TRIO_VELOCITIES = (
 )
 #: The period of this orbit.
 TRIO_PERIOD = 7.19372451258599
-#: The gravitational constant [m^3/(kg s^2), CODATA 2018].
-_G = 6.67430e-11
-#: G times nominal masses [m^3/s^2]. IAU 2015 resolution B3.
-_GRAVITIES = {"Msun": 1.3271244e20, "Mjup": 1.2668653e17, "Mearth": 3.986004e14}
+_DIMENSIONS = (2, 3)
 
 
 @ready_made()
@@ -54,18 +51,18 @@ def three_body(y0=EIGHT, *, m=(1.0, 1.0, 1.0), G=1.0, t1=EIGHT_PERIOD, units=())
     return Scene(FreePoints(m, d=2), (PairGravity(G),), y0=y0, t1=t1, units=units or None)
 
 
-@ready_made("r", "v", "m")
+@ready_made(but=("r", "v", "m"))
 def n_body(
     r=TRIO, v=TRIO_VELOCITIES, *, m=(1.0, 1.0, 0.3), G=None, names=(), t1=TRIO_PERIOD, units=()
 ) -> Scene:
-    """Any number of bodies in space under Newtonian gravity.
+    """Any number of bodies in space, or in a plane, under Newtonian gravity.
 
     By default it is a stable periodic orbit of three bodies, with the two heavy ones on one curve
-    and the light one on another.
+    and the light one on another. `jaxdyn.read_bodies` makes such a scene of a table in a text file.
 
     Args:
-      r: (n, 3) positions [m], one row for each body.
-      v: (n, 3) velocities [m/s].
+      r: (n, 3) or (n, 2) positions [m], one row for each body.
+      v: velocities [m/s], of the same shape.
       m: (n,) masses [kg]; a body of mass 0 is a test particle.
       G: gravitational constant [m^3/(kg s^2)]; by default 1, or that of nature in `units`.
       names: (n,) names of the bodies; with "Earth" the label of its x is x_Earth, not x1.
@@ -83,24 +80,34 @@ def n_body(
       >>> [name for name, _ in pair.labels()][:4]
       ['x_Pluto', 'y_Pluto', 'z_Pluto', 'x_Charon']
     """
-    y0 = jnp.concatenate([as_float(r).ravel(), as_float(v).ravel()])
-    bodies = FreePoints(m, d=3, names=names)
-    gravity = PairGravity(_constant(units) if G is None else G)
+    r = _checks.numbers("r", r)
+    if r.ndim != 2 or r.shape[1] not in _DIMENSIONS:
+        raise _checks.fail("r", "shape (any, 3), or (any, 2) in a plane", f"shape {r.shape}")
+    v = _checks.array_of_shape("v", v, r.shape, "One row for each row of r.")
+    m = _checks.array_of_shape("m", m, r.shape[:1], "One for each row of r.")
+    y0 = jnp.concatenate([r.ravel(), v.ravel()])
+    bodies = FreePoints(m, d=r.shape[1], names=names)
+    gravity = PairGravity(gravitational_constant(units) if G is None else G)
     return Scene(bodies, (gravity,), y0=y0, t1=t1, units=units or None)
 
 
-def _constant(units) -> float:
-    """The gravitational constant in units of length, mass and time; 1 without units."""
+def gravitational_constant(units) -> float:
+    """The gravitational constant in units of length, mass and time; 1 without units.
+
+    Args:
+      units: names of units; see `n_body`.
+    Raises:
+      ValueError: a unit is not known.
+    """
     if not units:
         return 1.0
     check_units(units)
     length, mass, time = map(measure, units)
-    strength = _GRAVITIES.get(units[1]) or (mass and mass.size * _G)
-    if not (length and strength and time):
+    if not (length and mass and time):
         named = ", ".join(map(str, units))
         remedy = "Pass G in these units."
         raise _checks.fail("units", "known ones, for the default of G", named, remedy)
-    return strength * time.size**2 / length.size**3
+    return GRAVITATIONAL_CONSTANT * mass.size * time.size**2 / length.size**3
 
 
 @ready_made()

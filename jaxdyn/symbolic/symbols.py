@@ -213,14 +213,26 @@ def _same_place(all_: list[Leaf], i: int) -> int | None:
 def _spelling(leaf: Leaf) -> tuple[str, str]:
     """The stem and the index of an array of parameters."""
     field = next(part for part in reversed(leaf.path) if not part.startswith("["))
+    if is_of_user(leaf):
+        (stem, index), after = split_name(field), leaf.path[::-1].index(field)
+        inside = [part.strip("[]") for part in leaf.path[len(leaf.path) - after :]]
+        numbered = ",".join([*([index] if index else []), *inside])
+        return stem, f"{numbered}," if numbered and leaf.value.ndim else numbered
     if leaf.path[0] == "effects" and field in _OF_EFFECTS:
         return _OF_EFFECTS[field]
     return _SPELLED.get(field) or split_name(field)
 
 
+def is_of_user(leaf: Leaf) -> bool:
+    """Whether numbers are in the `params` of a user's functions, who indexes them from 0."""
+    return "params" in leaf.path
+
+
 def places(leaf: Leaf) -> Iterable[str]:
-    """The indices of the entries of an array: numbers from 1, or axes."""
+    """The indices of the entries of an array: numbers from 1, or axes; from 0 in `params`."""
     shape = leaf.value.shape
+    if is_of_user(leaf):
+        return [",".join(map(str, at)) for at in np.ndindex(shape)]
     field = next(part for part in reversed(leaf.path) if not part.startswith("["))
     axes = "xyz" if field in _VECTORS or len(shape) == 2 else ""
     if not shape or shape == (1,):

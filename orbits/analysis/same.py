@@ -19,6 +19,7 @@ from orbits.analysis.alignment import (
 )
 from orbits.analysis.evidence import closure
 from orbits.analysis.pieces import Periodic, offset_along, offsets, pieces, states_at
+from orbits.closing.given import is_driven, repeats
 from orbits.closing.sizes import sizes
 from orbits.hybrid.legs import HybridOrbit
 from orbits.motion import has_several_points, quick_solve
@@ -35,7 +36,8 @@ _DIVISORS = 64  # shorter periods are tested down to this fraction of the period
 def minimal_period(orbit: Orbit | HybridOrbit, tolerance: float = TOLERANCE) -> tuple[float, int]:
     """The shortest time after which the motion returns, and how many of these a period contains.
 
-    A chain of legs returns where its closing says so, and not at a state before a change.
+    A chain of legs returns where its closing says so, and not at a state before a change; under a
+    drive, the drive returns too.
 
     Example:
       >>> import orbits
@@ -48,9 +50,17 @@ def minimal_period(orbit: Orbit | HybridOrbit, tolerance: float = TOLERANCE) -> 
     parts = np.arange(_DIVISORS, 1, -1)
     first = pieces(orbit)[0]
     for n, (piece, y) in zip(parts, states_at(orbit, orbit.period / parts), strict=True):
-        if piece.same_numbers(first) and _near(orbit, y, tolerance):
-            return orbit.period / float(n), int(n)
+        again = orbit.period / float(n)
+        if piece.same_numbers(first) and _near(orbit, y, tolerance) and _in_step(orbit, again):
+            return again, int(n)
     return orbit.period, 1
+
+
+def _in_step(orbit: Periodic, period: float) -> bool:
+    """Whether a drive returns too, unlike a state of rest under it, which returns at any time."""
+    if isinstance(orbit, HybridOrbit) or not is_driven(orbit.scene):
+        return True
+    return repeats(orbit.scene, period)
 
 
 def _near(orbit: Periodic, y: np.ndarray, tolerance: float) -> bool:

@@ -134,10 +134,13 @@ class Stability:
     @_text.never_raising
     def __repr__(self) -> str:
         known = [nu for nu in self.exponents if nu is not None]
+        # Without a symplectic form multipliers do not come in pairs.
+        indices = self.indices.tolist() if self.conservative else []
         rows = [
             ("multipliers", with_bars(self.nontrivial, self.bars)),
             ("equal to 1", f"{self.unit}: {', '.join(self.reasons)}" if self.unit else ""),
             ("rotation", ", ".join(f"{nu:.9g}" for nu in known)),
+            ("indices", ", ".join(f"{x:.9g}" for x in indices)),
             ("status", "" if self.ok else f"{self.status.name}: {self.message}"),
             ("open", self.message if self.ok and self.verdict == "undecided" else ""),
         ]

@@ -13,6 +13,7 @@ from jaxdyn import _arithmetic as arithmetic
 from jaxdyn._text import brief, fail, whole
 from jaxdyn.cli.docstrings import scene_settings
 from jaxdyn.cli.screen import Screen
+from jaxdyn.cli.shared import numbers as numbers
 from jaxdyn.cli.shared import output_option, read
 from jaxdyn.files.output_files import writable
 
@@ -51,15 +52,6 @@ def printer(screen: Screen) -> Callable[["orbits.shooting.newton.Iteration"], No
         )
 
     return report
-
-
-def numbers(option: str, text: str) -> list[float]:
-    """The numbers in A,B,..."""
-    try:
-        return [arithmetic.value(part) for part in text.split(",")]
-    except ValueError:
-        remedy = arithmetic.remedy(text)
-        raise fail(option, "comma-separated numbers", repr(text), remedy) from None
 
 
 def setting(option: str, text: str, example: str) -> tuple[str, float]:

@@ -126,8 +126,9 @@ class Family:
         labels, axes = self.members[0].orbit.scene.labels(), ("member",)
         time = second(labels)
         verdicts = [member.stability.verdict for member in self.members]
+        alone = bool(np.isnan(self.parameters).all())  # a family in energy
         return Labelled(
-            {"parameter": Values(axes, self.parameters)},
+            {} if alone else {"parameter": Values(axes, self.parameters)},
             {
                 "period": Values(axes, self.periods, time or "1"),
                 "energy": Values(axes, self.energies, joule(labels) or "1"),

@@ -34,7 +34,7 @@ def first_member(surface: Surface, point: Point, sign: float) -> Member:
     """
     ways = surface.directions(point)
     if not ways.shape[1]:
-        remedy = "Give make and parameter, or fewer conditions."
+        remedy = "Follow it over a number of the scene, parameter=, or give fewer conditions."
         raise fail("orbit", "a member of a family", "an isolated one", remedy)
     # Of several directions, take that of the largest change of the parameter, or the period.
     entry = ways[-1] if surface.equations.make is None else ways[-2]

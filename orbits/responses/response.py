@@ -257,6 +257,9 @@ def frequency_response(
     many = np.atleast_1d(np.asarray(array("levels", np.atleast_1d(levels), (None,)), float))
     if not len(many) or not (many > 0).all():
         raise fail("levels", "one amplitude > 0 or several", many.tolist())
+    if (own_period := drive_period(scene)) is not None:
+        came = f"one of period {own_period:.6g}"
+        raise fail("scene", "one without a forcing of its own", came, "Leave that one out.")
     check_equilibrium(scene, jnp.asarray(scene.y0))
     own = callable(drive) and not isinstance(drive, Input)
     forced = _own(drive, scene) if own else _by_input(drive, scene)

@@ -31,6 +31,8 @@ def test_bodies_of_the_solar_system_have_them():
     assert "365.25 day" in repr(jaxdyn.simulate(scene))
     with pytest.raises(ValueError, match="names of the units of length, mass and time"):
         scenes.n_body(units=("AU", "day")).check()
+    with pytest.raises(ValueError, match=r"same kind as m, got 'day'. The order is length, mass"):
+        scenes.n_body(units=("day", "Msun", "AU"))
 
 
 @pytest.mark.parametrize(

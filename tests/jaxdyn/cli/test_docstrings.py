@@ -57,7 +57,7 @@ MISTAKES = {
     "jaxdyn run pendulum --t1 2^3": "Invalid value for '--t1': expected a number, got '2^3'. "
     "Write a power as 2**3.",
     "orbits loops --n=2^2": "--n: expected comma-separated numbers, got '2^2'. Write a power as",
-    "jaxdyn run pendulum --solver nosuch": "solver: expected one of auto",
+    "jaxdyn run pendulum --solver nosuch": "--solver: expected one of auto",
     "jaxdyn run pendulum --plot a.xyz": "--plot: expected a file name",
     "jaxdyn accuracy nosuch": "scene: expected one that",
     "jaxdyn list nosuch": "scene: expected one that",

@@ -112,7 +112,7 @@ def test_an_orbit_of_it_is_found_saved_and_read_with_the_scene(folder, command):
     assert (code, json.loads(out)["ok"]) == (0, True)
     code, out, err = command("orbits", "show", "cycle.json")
     assert code == 2
-    assert "Pass it as scene=, or --scene on the command line" in err
+    assert "Pass it as --scene: files hold no functions." in err
     code, out, err = command("orbits", "show", "cycle.json", "--set", "c=3")
     assert code == 2
     assert "--set: expected none without --scene, got c=3" in err

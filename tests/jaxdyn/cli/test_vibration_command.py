@@ -46,5 +46,5 @@ def test_a_response_is_drawn_and_written(vibration, tmp_path):
 def test_what_it_refuses(vibration):
     assert "--input: expected a coordinate" in vibration("oscillator", "--output", "x")[2]
     assert "two frequencies > 0" in vibration("oscillator", "--input", "x", "--within", "2,1")[2]
-    assert "Force.on: expected" in vibration("oscillator", "--input", "z")[2]
+    assert "error: --input: expected" in vibration("oscillator", "--input", "z")[2]
     assert "a state near an equilibrium" in vibration("cannonball")[2]

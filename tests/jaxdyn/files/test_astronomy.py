@@ -7,7 +7,9 @@ import types
 import numpy as np
 import pytest
 from helpers import refusal
+from numpy.testing import assert_allclose
 
+import jaxdyn
 from jaxdyn import scenes, simulate
 from jaxdyn.files import astronomy
 
@@ -72,6 +74,88 @@ def test_other_texts_are_refused(tmp_path):
     assert "one table, got 2 in" in two
     assert "each body in a file of its own" in two
     assert "numbers in columns" in refused(HEAD + COLUMNS.replace("1.0E+00", "n.a.") + TAIL)
+
+
+BODIES = """name m x y z vx vy vz
+Sun 1 0 0 0 0 0 0
+Jupiter 9.5e-4 5.2 0 0.1 0 7.5e-3 0
+Trojan 0 2.6 4.5 0 -6.5e-3 3.75e-3 0
+"""
+UNITS = ("AU", "Msun", "day")
+
+
+def bodies(tmp_path, text, **options):
+    path = tmp_path / "bodies.txt"
+    path.write_text(text)
+    return jaxdyn.read_bodies(path, **options)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        BODIES,
+        BODIES.replace("name m x y z", "# Body Mass X Y Z"),
+        "made up\n\n" + BODIES.replace(" ", ","),
+        re.sub("^(?=[SJT])", "body ", BODIES, flags=re.MULTILINE).replace("name", "kind name"),
+    ],
+)
+def test_bodies_are_read(tmp_path, text):
+    scene = bodies(tmp_path, text, units=UNITS, t1=4332.6)
+    r = [[0, 0, 0], [5.2, 0, 0.1], [2.6, 4.5, 0]]
+    v = [[0, 0, 0], [0, 7.5e-3, 0], [-6.5e-3, 3.75e-3, 0]]
+    names = ["Sun", "Jupiter", "Trojan"]
+    named = scenes.n_body(r, v, m=[1, 9.5e-4, 0], names=names, t1=4332.6, units=UNITS)
+    assert repr(scene) == repr(named)
+    assert np.array_equal(scene.y0, named.y0)
+
+
+def test_bodies_in_other_units_are_converted(tmp_path):
+    scene = bodies(tmp_path, BODIES, units=UNITS)
+    # The AU and the day of the IAU, and G times the mass of the Sun of its resolution B3 of 2015.
+    sizes = np.array([1.3271244e11, *(2 * [149597870.7]), *(2 * [149597870.7 / 86400.0])])
+    rows = [[1, 0, 0, 0, 0], [9.5e-4, 5.2, 0, 0, 7.5e-3], [0, 2.6, 4.5, -6.5e-3, 3.75e-3]]
+    head = "GM [km^3/s^2],x (km),y (km),vx [km/s],vy [km/s],class"
+    lines = [f"{','.join(map(repr, (row * sizes).tolist()))},body" for row in rows]
+    flat = bodies(tmp_path, "\n".join([head, *lines]), units=UNITS)
+    assert flat.labels()[0] == ("x1", "AU")  # equal texts are no names
+    for one, other in zip(flat.points(0, flat.y0), scene.points(0, scene.y0), strict=True):
+        assert_allclose(one, other[:, :2] if other.ndim > 1 else other, rtol=1e-15)
+    (pull,) = bodies(tmp_path, BODIES, units=UNITS, G=3e-4).effects
+    assert float(pull.G) == 3e-4
+    heavy = bodies(tmp_path, BODIES.replace(" m ", " m [Mearth] "), units=("km", "kg", "s"))
+    # The mass of the Earth, of JPL's table of 2021 [kg].
+    assert_allclose(heavy.points(0, heavy.y0).m[0], 5.97217e24, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "said"),
+    [
+        (BODIES, {}, "units: expected names of the units of length, mass and time, got none. Pass"),
+        (BODIES, {"units": ("AU", "day"), "G": 1.0}, "units: expected names of the units"),
+        (BODIES.replace(" m ", " w "), {"G": 1.0}, "vx, vy, vz in {path}. Of these m is missing."),
+        (BODIES.replace(" vz", " wz"), {"G": 1.0}, "Of these vz is missing."),
+        (BODIES.replace(" x ", " x [km] "), {"G": 1.0}, "units of the scene, got x in km. Pass"),
+        (
+            BODIES.replace(" x ", " x [kg] "),
+            {"units": UNITS},
+            "column x: expected values in AU, or",
+        ),
+        (
+            BODIES.replace(" ", ",").replace("n,0", "n,"),
+            {"G": 1.0},
+            "got a gap for body 3. Write 0",
+        ),
+        (BODIES.replace(" 9.5e-4", " ?"), {"G": 1.0}, "got '?' in line 3, column m. Leave gaps"),
+        (
+            "m x y vx vy\n- 1 2 3 4\n",
+            {"G": 1.0},
+            "column m: expected numbers, got text. Leave gaps",
+        ),
+    ],
+)
+def test_other_tables_of_bodies_are_refused(tmp_path, text, options, said):
+    refused = refusal(lambda: bodies(tmp_path, text, **options))
+    assert said.format(path=tmp_path / "bodies.txt") in refused
 
 
 class Simulation:

@@ -1,5 +1,6 @@
 """Motions and other results in pandas and xarray: every number, with its name and unit."""
 
+import math
 import sys
 from types import SimpleNamespace
 
@@ -171,7 +172,10 @@ def test_families_are_tables_of_their_members(xarray):
         SimpleNamespace(orbit=orbit, parameter=0.5, energy=3.0, stability=verdict)
         for orbit in orbits
     )
+    in_energy = [SimpleNamespace(**vars(one) | {"parameter": math.nan}) for one in members]
+    assert "parameter" not in Family(tuple(in_energy), (), "", None).to_pandas().columns
     frame = Family(members, (), "", None).to_pandas()
+    assert frame["parameter"].tolist() == [0.5, 0.5]
     assert frame["period"].tolist() == [1.0, 2.0] == frame["theta"].tolist()
     assert frame["verdict"].tolist() == ["stable"] * 2
     assert frame.attrs["units"]["period"] == "s"

@@ -97,6 +97,44 @@ def test_tables_as_other_programs_write_them(tmp_path, text):
     assert np.isnan(back["x"][1])
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "name m x [km]\nSun 1 0\nEarth 3e-6 1.5E+08\n",
+        "Planets of today\n\nname\tm\tx [km]\nSun\t1\t0\nEarth\t3e-6\t1.5d8\n",
+        "# made up\n# name m x (km)\nSun 1 0\n'Earth' 3e-6 1.5E+08\n".replace("'", '"'),
+        'name;m;x [km]\nSun;1;0\n"Earth";0,000003;150000000\n',
+        "name,m,x [km],\nSun,1,0,\nEarth,3e-6,1.5e8,\n",
+    ],
+)
+def test_columns_of_text_are_read(tmp_path, text):
+    path = tmp_path / "bodies.txt"
+    path.write_text(text)
+    back = jaxdyn.read_csv(path)
+    assert back["name"].tolist() == ["Sun", "Earth"]
+    assert back["m"].tolist() == [1.0, 3e-6]
+    assert back["x"].tolist() == [0.0, 1.5e8]
+    assert back.units == {"x": "km"}
+
+
+def test_text_may_have_spaces_commas_and_gaps(tmp_path):
+    path = tmp_path / "bodies.csv"
+    path.write_text('x,name,kind\n1,"Moon, the",\n2,Halley\'s comet,ice\n')
+    back = jaxdyn.read_csv(path)
+    assert back["name"].tolist() == ["Moon, the", "Halley's comet"]
+    assert back["kind"].tolist() == ["", "ice"]
+    path.write_text('"Halley\'s comet" 1\n"1998 OR2" 2\nEros (A433) 3\n')
+    back = jaxdyn.read_csv(path, names=["name", "x"])
+    assert back["name"].tolist() == ["Halley's comet", "1998 OR2", "Eros (A433)"]
+    # Numbers that cannot be read are no text.
+    path.write_text("x;y\n1;1.234.5\n2;1.234.6\n")
+    assert "Write one decimal point" in refusal(lambda: jaxdyn.read_csv(path))
+    path.write_text("t,x\n0:10,1\n0:20,2\n")
+    assert "got '0:10' in line 2, column t." in refusal(lambda: jaxdyn.read_csv(path))
+    path.write_text("Sun 1 1\nEarth 2 2\n")
+    assert "Is a line of names missing?" in refusal(lambda: jaxdyn.read_csv(path))
+
+
 @pytest.mark.parametrize("times", ["t", "time (s)", "Time"])
 def test_a_temperature_is_no_time(tmp_path, times):
     path = tmp_path / "cooling.csv"
@@ -117,7 +155,7 @@ def test_other_tables_are_refused(tmp_path):
 
     assert "Pass names=" in refused("0,1\n1,2\n")
     assert "2 columns in each line" in refused("t,x\n1,2,3\n")
-    assert "expected numbers" in refused("t,x\n1,two\n")
+    assert "expected numbers" in refused("t,x\n1,2\n2,two\n")
     assert "x twice" in refused("t,x,x\n1,2,3\n")
     assert "Pass names=" in refused('"0,0","1,5"\n"0,5","2,5"\n')
     assert "or one between thousands?" in refused('t,x\n0,"1,250"\n1,"2,500"\n')
@@ -128,7 +166,7 @@ def test_other_tables_are_refused(tmp_path):
     ):
         said = refused(text)
         assert f"got {cell}, column {name}. Write one decimal point or comma" in said
-    assert "line 3, column x [m]. Below the names" in refused("t,x [m]\n0,1\n1,two\n")
+    assert "line 3, column x [m]. Leave gaps empty." in refused("t,x [m]\n0,1\n1,two\n")
     assert "got 1 in line 4: ['1']" in refused("t,x\n0,1\n\n1\n")
     assert "got 'a'" in refused("t,x\na,1\n0,1\n")  # no title: it has as many columns
     assert "got 's'" in refused("Run 1\nt,x\ns,m\n0,1\n0.5,2\n")  # no names below the names

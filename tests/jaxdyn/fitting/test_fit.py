@@ -302,7 +302,7 @@ def test_misuse_is_refused(track):
     assert "column 't'" in refused(data={"x": TS})
     assert "columns by name" in refused(data=[1.0])
     assert "besides the times" in refused(data={"t": TS})
-    assert "column: expected one of x, got 'z'" in refused(data={"t": TS, "z": TS})
+    assert "name of a column: expected one of x, got 'z'" in refused(data={"t": TS, "z": TS})
     assert "observe=" in refused(data={"t": TS, "z": TS})
     assert "One for each time" in refused(data={"t": TS, "x": TS[1:]})
     assert "column t: expected numbers" in refused(data={"t": ["a"] * 60, "x": TS})
@@ -310,7 +310,9 @@ def test_misuse_is_refused(track):
     assert "column t: expected numbers" in refused(data={"t": dates, "x": TS})
     assert "NaN for gaps" in refused(data={"t": TS, "x": np.full(60, np.inf)})
     assert "NaN alone" in refused(data={"t": TS, "x": np.full(60, np.nan)})
-    assert "column x: expected numbers" in refused(data={"t": TS, "x": ["a"] * 60})
+    text = refused(data={"t": TS, "x": ["a"] * 60})
+    assert "column x: expected numbers" in text
+    assert "Name the columns to use: columns=[...]." in text
     assert "Pass t0=" in refused(t0=1.0)
     assert "a list of names" in refused(start="x")
     assert "start: expected one of x" in refused(start=["z"])

@@ -462,3 +462,21 @@ def test_places_in_arrays_are_counted_as_people_do():
     assert labels(scenes.one_skate())[2:-1] == ["at x", "at y", "headings"]
     assert labels(scenes.cart_pendulum()) == ["m 1", "m 2", "l", "g"]
     assert labels(scenes.cannonball())[0] == "m"
+
+
+@pytest.mark.parametrize(
+    ("params", "names"),
+    [
+        ([4.0, 0.1], ["params[0]", "params[1]"]),
+        (np.array([4.0, 0.1]), ["params[0]", "params[1]"]),
+        ({"k": [4.0, 0.1], "c": 0.2}, ["c", "k[0]", "k[1]"]),
+        ({"k": np.array([4.0, 0.1])}, ["k[0]", "k[1]"]),
+        (({"a": 1.0}, [2.0, 3.0]), ["a", "params[1][0]", "params[1][1]"]),
+        ({"A": np.eye(2)}, ["A[0,0]", "A[0,1]", "A[1,0]", "A[1,1]"]),
+        (4.0, ["params"]),
+    ],
+)
+def test_numbers_of_users_are_named_as_in_python(params, names):
+    scene = jaxdyn.ode(lambda t, y, p: -y, [1.0], params=params)
+    found = _parameters(scene)
+    assert [one["label"] for one in found] == [one["name"] for one in found] == names

@@ -97,6 +97,11 @@ def test_problem_17_c_and_d_small_changes_keep_the_eight_and_large_ones_break_it
         (lambda: scenes.three_body_circular(diameter=0.0), "diameter: expected > 0, got 0.0"),
         (lambda: scenes.three_body_circular(m=-1.0), "m: expected > 0, got -1.0"),
         (lambda: scenes.n_body(m=[1.0, 2.0]), "m: expected shape (3,), got shape (2,)"),
+        (lambda: scenes.n_body([1.0, 2.0]), "r: expected shape (any, 3), or (any, 2) in a plane,"),
+        (
+            lambda: scenes.n_body([[1.0, 2.0]]),
+            "v: expected shape (1, 2), got shape (3, 3). One row",
+        ),
         (lambda: scenes.n_body(names="ab").check(), "names: expected 3 different ones, one for"),
         (lambda: scenes.n_body(names="aba").check(), "names: expected 3 different ones, one for"),
         (lambda: scenes.n_body(names=[1, 2, 3]).check(), "names: expected 3 different ones"),
@@ -116,6 +121,14 @@ def test_the_published_trio_in_space_returns_with_zero_momentum():
     assert gap(motion.ys[-1], motion.ys[0]) < 1e-10  # printed to 15 digits
     points = motion.scene.points(0.0, motion.scene.y0)
     assert np.abs(points.m @ points.v).max() < 1e-16
+
+
+def test_bodies_in_a_plane_move_as_those_of_three_body():
+    other = scenes.three_body(m=(1.0, 2.0, 3.0), G=2.0)
+    r, v, m = other.points(0.0, other.y0)
+    scene = scenes.n_body(r, v, m=m, G=2.0)
+    assert scene.labels() == other.labels()
+    assert gap(scene.rate(0.0, scene.y0), other.rate(0.0, other.y0)) == 0.0
 
 
 @pytest.mark.slow

@@ -995,3 +995,19 @@ def test_no_name_stands_for_two_things():
     text = str(jaxdyn.equations(jaxdyn.lagrangian(L, [0.3], [0.1], params={"m": 1.0, "E": 3.0})))
     assert "E q0^2" in text
     assert "E = " not in text.split("Parameters")[0]
+
+
+@pytest.mark.parametrize("make", [list, np.array, jnp.array])
+def test_numbers_in_lists_are_counted_as_in_python(make):
+    def rate(t, y, p):
+        return [y[1], -p["k"][0] * y[0] - p["k"][1] * y[0] ** 3 - p["c"] * y[1]]
+
+    params = {"k": make([4.0, 0.1]), "c": 0.2}
+    scene = jaxdyn.ode(rate, [1.0, 0.0], names=["x", "v"], params=params)
+    found = str(jaxdyn.equations(scene))
+    assert "x'' = -c x' - k1 x^3 - k0 x\n" in found
+    assert "k0 = 4\n" in found
+    scene = jaxdyn.ode(
+        lambda t, y, p: [p[0] * y[1], p[1][1] * y[0]], [1.0, 0.0], params=[2.0, [3.0, 5.0]]
+    )
+    assert "params1,1 = 5" in str(jaxdyn.equations(scene))

@@ -107,6 +107,18 @@ def test_the_neighbour_is_not_the_eight():
     )  # the topology cannot tell them apart
 
 
+def test_a_state_of_rest_under_a_drive_has_the_period_of_the_drive():
+    scene, drive = scenes.shaken_pendulum(angle=0.0), 2 * np.pi / 60
+    orbit = orbits.find(scene, scene.y0, 3 * drive)
+    assert orbits.minimal_period(orbit) == (pytest.approx(drive, rel=1e-14), 3)
+
+
+@pytest.mark.slow
+def test_a_state_of_rest_under_a_drive_is_found():
+    drive = 2 * np.pi / 60
+    assert orbits.search_near(scenes.shaken_pendulum()).period == pytest.approx(drive, rel=1e-14)
+
+
 def test_periods_that_hold_the_motion_more_than_once():
     eight = published(ROWS[0])
     thrice = Orbit(

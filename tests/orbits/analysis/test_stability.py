@@ -67,6 +67,7 @@ def test_stuart_landau_has_its_exact_multipliers(c, verdict):
     assert result.symplectic_defect is None
     assert result.determinant_defect is None
     assert result.exponents == (None,)  # two real multipliers, listed as one pair
+    assert "indices" not in repr(result)
 
 
 def test_a_shift_that_changes_nothing_is_found_without_being_declared():
@@ -270,6 +271,7 @@ def test_motion_along_one_spring_and_the_other_beside_it(k, nu, verdict):
         assert abs(np.sum(result.nontrivial) - 2 * np.cos(angle)) < SOLVED
         if verdict == "stable":
             assert abs(result.exponents[0] - nu) < SOLVED
+            assert f"\n  indices      {np.cos(angle):.9f}" in repr(result)
     assert result.symplectic_defect < SOLVED
     assert result.determinant_defect < 1e-9
 

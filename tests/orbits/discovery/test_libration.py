@@ -221,6 +221,7 @@ def test_stability_indices_are_those_of_the_pairs():
     assert_allclose(first, 0.5 * (values[-1] + values[0]).real, rtol=1e-9)
     assert abs(second) < 1 < first
     assert_allclose(second, np.cos(2 * np.pi * known.exponents[-1]), rtol=1e-6)
+    assert f"\n  indices      {first:.9g}, {second:.9g}" in repr(known)
 
 
 @pytest.mark.parametrize(

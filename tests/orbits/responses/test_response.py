@@ -234,6 +234,10 @@ def test_a_range_may_begin_at_a_resonance_without_damping(own):
         ({"levels": []}, "levels: expected one amplitude"),
         ({"drive": "z"}, "Force.on: expected"),
         ({"scene": duffing().starting([1.0, 0.0])}, "y: expected an equilibrium"),
+        (
+            {"scene": vibration.drive(duffing(), "x", vibration.Harmonic(1.0, 2.0))},
+            "scene: expected one without a forcing of its own, got one of period 3.14159. Leave",
+        ),
         ({"step": 0.0}, "step: expected > 0"),
         ({"drive": lambda *, omega, level: duffing()}, "drive: expected a function of"),
         ({"drive": lambda omega, level: duffing()}, "got one that does not depend on time"),
