@@ -144,6 +144,13 @@ def check_quantity(what: str | Quantity, scene: Scene) -> None:
         raise fail("quantity", "one of a scene without an energy", "energy")
 
 
+def label(what: str | Quantity) -> str:
+    """What a quantity is called: its name, or that of the function."""
+    if isinstance(what, str):
+        return what
+    return getattr(what, "__name__", "").strip("_<>").replace("_", " ")
+
+
 def unit(what: str, scene: Scene) -> str:
     """The unit of a named quantity in a scene; "1" where it has none or the name is unknown."""
     labels = scene.labels()

@@ -15,7 +15,7 @@ from jaxdyn.drawing.bifurcations import draw_stretches, stretches
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, legend_below, legend_entries, style
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.output_files import picture_path
-from orbits.analysis.quantities import Quantity, unit
+from orbits.analysis.quantities import Quantity, label, unit
 from orbits.analysis.quantities import quantity as named_quantity
 from orbits.families.family import Family, Member, first_scene
 from orbits.files.family_files import Entry, Listing, listing, parameter_name
@@ -106,5 +106,5 @@ def orbit_stretches(
 
 def _label(quantity: str | Quantity, listed: Listing) -> str:
     if not isinstance(quantity, str):
-        return getattr(quantity, "__name__", "").strip("_<>").replace("_", " ")
+        return label(quantity)
     return with_unit(quantity, unit(quantity, first_scene(listed.members[0].orbit)))

@@ -13,6 +13,7 @@ from jaxdyn._labelled import Labelled, Values, entries
 from jaxdyn._text import joule, number_of, second
 from jaxdyn.continuation.branch import CLOSED
 from jaxdyn.continuation.kinds import Kind as Kind
+from orbits.analysis.quantities import Quantity, label, quantity, unit
 from orbits.analysis.stability import Stability
 from orbits.families.surface import Point
 from orbits.hybrid.equations import ChainEquations
@@ -119,10 +120,32 @@ class Family:
 
         return pages.family_page(self, path)
 
-    to_pandas = _labelled.to_pandas
-    to_xarray = _labelled.to_xarray
+    def to_pandas(self, *quantities: str | Quantity) -> Any:
+        """The members as a pandas DataFrame, with a column for each of further quantities.
 
-    def _to_labelled(self) -> Labelled:
+        Args:
+          quantities: names such as "amplitude x", see `orbits.drawing.family`, or functions from an
+            orbit to a number.
+        Raises:
+          ValueError: pandas is not installed, or there is no such quantity.
+        """
+        return _labelled.frame(self._to_labelled(*quantities))
+
+    def to_xarray(self, *quantities: str | Quantity) -> Any:
+        """The members as an xarray Dataset; see `to_pandas`.
+
+        Args:
+          quantities: see `to_pandas`.
+        """
+        return _labelled.to_dataset(self._to_labelled(*quantities))
+
+    def _to_labelled(self, *quantities: str | Quantity) -> Labelled:
+        further = {}
+        for one in quantities:
+            of_orbit, scene = quantity(one), self.members[0].orbit.scene
+            values = [float(of_orbit(member.orbit)) for member in self.members]
+            known = unit(one, scene) if isinstance(one, str) else ""
+            further[label(one)] = Values(("member",), values, known)
         labels, axes = self.members[0].orbit.scene.labels(), ("member",)
         time = second(labels)
         verdicts = [member.stability.verdict for member in self.members]
@@ -134,6 +157,7 @@ class Family:
                 "energy": Values(axes, self.energies, joule(labels) or "1"),
                 "verdict": Values(axes, verdicts),
                 **entries(axes, [member.orbit.y0 for member in self.members], labels),
+                **further,
             },
         )
 

@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.special import ellipk
 
 import jaxdyn
 import orbits
@@ -90,3 +91,25 @@ def test_the_command_refuses_a_quantity_before_it_follows_the_family(command, tm
     assert code == 2
     assert "entry: expected one of theta, theta_dot, got 'x'" in err
     assert out.count("period") < 20
+
+
+@pytest.mark.slow
+def test_tables_of_families_have_columns_of_quantities():
+    pytest.importorskip("pandas")
+    swing = orbits.find(scenes.pendulum(angle=2.0), period=2.7, hold="theta")
+    family = orbits.continue_family(swing, members=3)
+
+    def widest_swing(orbit):
+        return 2.0 * amplitude(orbit, "theta")
+
+    frame = family.to_pandas("amplitude theta", widest_swing)
+    period = 4.0 * ellipk(np.sin(0.5 * frame["amplitude theta"]) ** 2) / np.sqrt(9.81)
+    assert np.allclose(frame["period"], period, rtol=1e-11, atol=0)
+    assert (frame["widest swing"] == 2.0 * frame["amplitude theta"]).all()
+    assert frame.attrs["units"]["amplitude theta"] == "rad"
+    assert "widest swing" not in frame.attrs["units"]
+    with pytest.raises(ValueError, match="entry: expected"):
+        family.to_pandas("amplitude y")
+    pytest.importorskip("xarray")
+    data = family.to_xarray("amplitude theta")
+    assert (data["amplitude theta"].values == frame["amplitude theta"]).all()
