@@ -43,7 +43,7 @@ def in_options(
       parameters: the parameters of the scene, which --set changes.
       given: those that --set gave, which the message may name.
     Example:
-      >>> in_options("start: expected 3 entries, got 2. Widen within=. See jaxdyn.run.",
+      >>> in_options("start: expected 3 entries, got 2. Widen within=. See jaxdyn.simulate.",
       ...            ["--start", "--within"])
       '--start: expected 3 entries, got 2. Widen --within.'
     """

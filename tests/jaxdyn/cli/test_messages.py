@@ -51,7 +51,7 @@ OPTIONS = [
             "x: expected 1, got 2. Rename it.",
         ),
         (
-            "x: expected 1, got 2. See jaxdyn.run. find() one first. vibration.Force is one.",
+            "x: expected 1, got 2. See jaxdyn.simulate. find() one first. vibration.Force is one.",
             "x: expected 1, got 2.",
         ),
         (
