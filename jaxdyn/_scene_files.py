@@ -13,7 +13,7 @@ import inspect
 import re
 import sys
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -98,6 +98,7 @@ def place(name: str) -> Place:
         found = _only(functions, defined, path)
     else:
         public = {key: x for key, x in functions.items() if key[0] != "_"}
+        _check_is_function(parts["function"], functions, body)
         found = choice(f"function of {path}", parts["function"], public)
     missing = _without_default(functions[found])
     if missing:
@@ -105,6 +106,15 @@ def place(name: str) -> Place:
         remedy = "Give each parameter a default, which --set changes."
         raise fail("scene", "a function that needs no arguments", got, remedy)
     return Place(path, found, functions[found])
+
+
+def _check_is_function(name: str, functions: Collection[str], body: list[ast.stmt]) -> None:
+    """Raise ValueError for a name of a scene, or of something else that is no function."""
+    targets = [x for node in body if isinstance(node, ast.Assign) for x in node.targets]
+    assigned = {x.id for x in targets if isinstance(x, ast.Name)}
+    if name in assigned - set(functions):
+        remedy = f"Write `{name} = lambda: ...`, or a function."
+        raise fail("scene", "a function that returns a scene", f"{name}, which is none", remedy)
 
 
 def _only(functions: dict[str, ast.FunctionDef], defined: list[str], path: Path) -> str:

@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 #: What messages call arguments that commands fill from options of another name.
 _OF_OTHER_NAME = {"Force.on": ("drive", "input"), "y": ("start",), "guess": ("free",)}
 #: What is said of arguments that are no options.
-_NO_OPTIONS = {"make": "scene", "data": "table"}
+_NO_OPTIONS = {"make": "scene", "data": "table", "text": "file"}
 #: The name at the beginning of a message, before what was expected.
 _NAMED = re.compile(r"(?P<name>[A-Za-z_][\w.]*): expected ")
 #: An argument with its value, if one is given.

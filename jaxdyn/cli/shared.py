@@ -181,7 +181,8 @@ def start(app: typer.Typer) -> None:
         if sys.stdout is not None:
             sys.stdout.flush()
     except _Usage as error:
-        _refuse(f"{error.format_message().rstrip('.')}. See --help.")
+        said = error.format_message().rstrip(".")
+        _refuse(f"{said}{'' if said.endswith('?') else '.'} See --help.")
     except ValueError as error:
         _refuse(_in_options(app, error))
     except typer.Abort:

@@ -4,7 +4,7 @@ import dataclasses
 import re
 import textwrap
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import numpy as np
@@ -12,6 +12,7 @@ from matplotlib.mathtext import MathTextParser
 
 from jaxdyn._checks import check_first
 from jaxdyn._text import words
+from jaxdyn.formulations.extended import Extended
 from jaxdyn.formulations.rigid import about_centre, inertia_matrix
 from jaxdyn.geometry.inertia import MaterialPoints
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
@@ -93,12 +94,29 @@ class _Part(NamedTuple):
 
 
 def _parts(scene: Scene) -> list[_Part]:
-    """The system, called by the scene's name if it has one, and the effects."""
-    system = getattr(scene.system, "mechanism", scene.system)
+    """The system, called by the scene's name if it has one, the effects, and what extends it."""
+    system, extensions = scene.system, []
+    while isinstance(system, Extended):
+        extensions += _extension(system)
+        system = system.system
+    system = getattr(system, "mechanism", system)
     # A dollar sign would start a formula.
     name = scene.name.replace("$", r"\$") or words(system).capitalize()
     effects = [_Part(words(effect), _numbers(effect)) for effect in scene.effects]
-    return [_Part(name, _numbers(system)), *effects]
+    return [_Part(name, _numbers(system)), *effects, *extensions]
+
+
+def _extension(system: Extended) -> list[_Part]:
+    """What a system adds to that inside, such as "harmonic force on x", with its numbers."""
+    fields = dataclasses.fields(system)
+    added = [x for f in fields if isinstance(x := getattr(system, f.name), eqx.Module)]
+    added = [x for x in added if x is not system.system]
+    if not added:
+        return []
+    on = next((one for x in added if isinstance(one := getattr(x, "on", None), str)), "")
+    called = " ".join(words(x) for x in reversed(added))
+    numbers = {name: x for one in added for name, x in _numbers(one).items()}
+    return [_Part(f"{called} on {on}" if on else called, numbers)]
 
 
 def _with_numbers(words: str, parts: Sequence[_Part]) -> str:
@@ -113,11 +131,16 @@ def _with_numbers(words: str, parts: Sequence[_Part]) -> str:
 
 
 def _numbers(part: eqx.Module | dict) -> dict[str, str]:
-    """The numbers of a part and of its fields, by name; long arrays are omitted."""
+    """The numbers of a part and of its fields, by name.
+
+    Long arrays are omitted, and numbers that are 0 by default: a phase, an anchor at the origin.
+    """
     if isinstance(part, dict):
         named = [(str(key), x) for key, x in part.items()]
     else:
-        named = [(field.name, getattr(part, field.name)) for field in dataclasses.fields(part)]
+        named = [(f.name, getattr(part, f.name)) for f in dataclasses.fields(part)]
+        none = {f.name for f in dataclasses.fields(part) if _is_zero(f.default)}
+        named = [(name, x) for name, x in named if not (name in none and _is_zero(x))]
     found, entries = {}, part.parameter_names() if isinstance(part, System) else {}
     for name, x in named:
         if isinstance(x, MaterialPoints):
@@ -129,6 +152,11 @@ def _numbers(part: eqx.Module | dict) -> dict[str, str]:
         elif eqx.is_array(x) and x.size <= _MOST:
             found[name] = _text_of(x)
     return found
+
+
+def _is_zero(x: Any) -> bool:
+    numeric = isinstance(x, float | int | tuple | np.ndarray) or eqx.is_array(x)
+    return bool(numeric and np.size(x) and not np.any(x))
 
 
 def _inertia(matter: MaterialPoints) -> dict[str, str]:

@@ -258,8 +258,10 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> Columns
         if name != _TIMES[0] and not unit and _is_text(cells):
             found[name] = np.array(cells, str)
             continue
-        where = [f"line {row.line}, column {given[i].strip()}" for row in rows]
-        numbers = [_number(*one, decimal, path) for one in zip(cells, where, strict=True)]
+        numbers = [
+            _number(cell, (row.line, given[i].strip()), decimal, path)
+            for row, cell in zip(rows, cells, strict=True)
+        ]
         found[name], unit = _in_si(np.array(numbers, float), unit)
         if unit:
             found.units[name] = unit
@@ -398,7 +400,9 @@ def _cell(row: _Row, i: int, names: Sequence[str], path: str | Path) -> str:
     line, cells = row
     if len(cells) != len(names):
         came = f"{len(cells)} in line {line}: {cells}"
-        raise fail("path", f"{len(names)} columns in each line of {path}", came[:90])
+        text = not all(_is_number(one) for one in cells if one)
+        remedy = "Put text with spaces or separators in quotation marks." if text else ""
+        raise fail("path", f"{len(names)} columns in each line of {path}", came[:90], remedy)
     return cells[i].strip()
 
 
@@ -410,21 +414,27 @@ def _is_text(cells: Sequence[str]) -> bool:
     )
 
 
-def _number(cell: str, where: str, decimal: bool, path: str | Path) -> float:
+def _number(cell: str, where: tuple[int, str], decimal: bool, path: str | Path) -> float:
     """The number in a cell; NaN where it is empty.
 
     Args:
       cell: its text.
-      where: the place of the cell, for messages.
+      where: the number of its line and the name of its column, for messages.
       decimal: whether commas are decimal ones.
       path: path of the file, for messages.
     """
-    text = cell.replace(",", ".") if decimal else cell
+    if not cell:
+        return math.nan
     try:
-        return float(_FORTRAN.sub("e", text)) if text else math.nan
+        return float(cell)  # most are plain
+    except ValueError:
+        text = cell.replace(",", ".") if decimal else cell
+    try:
+        return float(_FORTRAN.sub("e", text))
     except ValueError:
         remedy = _MARKS if _THOUSANDS.fullmatch(cell) else _NO_TEXT
-        came = f"{repr(cell)[:60]} in {where}"
+        line, name = where
+        came = f"{repr(cell)[:60]} in line {line}, column {name}"
         raise fail("path", f"numbers in {path}", came, remedy) from None
 
 

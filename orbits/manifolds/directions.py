@@ -66,7 +66,7 @@ def of_orbit(orbit: Orbit, kind: str, n: int, which: int, rtol: float) -> Direct
     leaving = size - off > 1 if kind == "unstable" else size + off < 1
     # The multiplier that is farthest from the circle comes first.
     wanted = sorted(found.nontrivial[leaving], key=lambda z: -sense * abs(z))
-    value = _choose(wanted, which, f"{kind} multiplier", "orbits.stability has all of them")
+    value = _choose(wanted, which, f"{kind} multiplier", "See orbits.stability.")
     each = sizes(orbit.scene)
     basis = tangents_in(orbit.scene, each)
     m = map_in_units(end_and_derivative(orbit.scene, sense * period, rtol)[1], each)

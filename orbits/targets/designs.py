@@ -18,7 +18,7 @@ from jaxdyn.status import Code, Ended
 from orbits.closing.closings import Hold
 from orbits.orbit import SearchError
 from orbits.shooting.strategy import SECONDS
-from orbits.targets.followed import Asked, At, Near, Search, TimeLimit, bounds, follow
+from orbits.targets.followed import Asked, At, Near, Search, TimeLimit, bounds, follow, is_in_family
 
 #: The search ends if the next step is shorter, relative to the units of the parameters.
 _SETTLED = 1e-12
@@ -29,6 +29,12 @@ _LEVEL = 1e-9
 #: Relative decrease of the sum of squares below which residuals that are not linear may spoil it. A
 #: step then counts if the next one would come less far, by this factor.
 _HARDLY, _SHORTER = 1e-9, 0.7
+
+
+_OF_FAMILY = (
+    "The orbits of this scene come in families, with one for each energy, and nothing says which "
+    "one is meant: pass hold=, the name of an entry of the start, or orbits.Energy(E)."
+)
 
 
 class DesignOutcome(Code):
@@ -60,6 +66,7 @@ class Design(Ended):
       slopes: (m, n) their derivatives with respect to the parameters.
       steps: number of steps taken.
       outcome: how the search ended.
+      advice: what else may be the matter.
     """
 
     numbers: np.ndarray
@@ -68,6 +75,12 @@ class Design(Ended):
     slopes: np.ndarray
     steps: int
     outcome: DesignOutcome
+    advice: str = ""
+
+    @property
+    def message(self) -> str:
+        """How the search ended, in words."""
+        return " ".join(filter(None, [self.outcome.message, self.advice]))
 
     @_text.never_raising
     def __repr__(self) -> str:
@@ -152,6 +165,8 @@ def design(
     followed, known = follow(make, near, hold)
     search = _Search(followed, Asked("wanted", wanted), low, high, goal, limit)
     found = search.run(numbers, known, steps)
+    if not found.ok and not hold and is_in_family(found.found):
+        found = dataclasses.replace(found, advice=_OF_FAMILY)
     if throw and not found.ok:
         raise SearchError(found.message)
     return found

@@ -28,6 +28,7 @@ from orbits.analysis.sensitivity import (
     differentiable,
     with_held_entries,
 )
+from orbits.analysis.stability import stability
 from orbits.closing.closings import Hold
 from orbits.closing.sizes import sizes
 from orbits.families.family import Member
@@ -229,6 +230,13 @@ def follow(make: Make, near: Near | Sequence[Near], hold: Hold) -> tuple[Followe
         return _OfSpecialOrbits(make, hold), SpecialOrbit.of(near)
     expected = "an orbit, or a special point of a family"
     raise fail("near", expected, type(near).__name__, "See family.special.")
+
+
+def is_in_family(found: Any) -> bool:
+    """Whether an orbit, or one of several, has neighbours of other values of an integral."""
+    if isinstance(found, tuple):
+        return any(map(is_in_family, found))
+    return isinstance(found, Orbit) and stability(found).integrals > 0
 
 
 @dataclasses.dataclass(frozen=True)

@@ -23,6 +23,8 @@ from orbits.targets.followed import Asked, At, Near, Search, TimeLimit, bounds, 
 
 _LONGEST = 0.3  # longest step, in units of the parameters
 _DECREASE = 1e-4  # least decrease, relative to that of the linear part
+#: A gradient that changes within so short a step by such a part of its first size jumps.
+_SHORT, _JUMP = 1e-9, 0.1
 _ROUNDING = 1e-13  # relative: changes of the quantity below this are rounding
 
 
@@ -37,6 +39,11 @@ class OptimumOutcome(Code):
     )
     STEP_LIMIT = 2, "The search reached its step limit. Continue from here, or increase steps."
     TIME_LIMIT = 3, "The time is up. Continue from here, or increase seconds."
+    CORNER = (
+        4,
+        "The quantity is least at a corner, as |x| is at 0, where its derivative does not vanish. "
+        "Minimise a smooth one, such as its square, or let orbits.design find where it is 0.",
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -149,7 +156,7 @@ class _Search(Search):
         if len(here.value) != 1:
             raise fail("quantity", "one number", f"{len(here.value)} numbers")
         units = here.units
-        curvature = None
+        curvature, first = None, float(np.linalg.norm(here.slopes[0] * units))
         for n in range(steps + 1):
             gradient = here.slopes[0] * units
             free = self._free(here, gradient)
@@ -168,7 +175,10 @@ class _Search(Search):
                 lost = OptimumOutcome.TIME_LIMIT if over else OptimumOutcome.LOST
                 return self._optimum(here, n, lost)
             moved = (new.numbers - here.numbers) / units
-            curvature = _update(curvature, moved, new.slopes[0] * units - gradient)
+            change = new.slopes[0] * units - gradient
+            if np.linalg.norm(moved) < _SHORT and np.linalg.norm(change) > _JUMP * first:
+                return self._optimum(new, n + 1, OptimumOutcome.CORNER)
+            curvature = _update(curvature, moved, change)
             here = new
         return self._optimum(here, steps, OptimumOutcome.STEP_LIMIT)
 

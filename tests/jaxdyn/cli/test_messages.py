@@ -92,6 +92,9 @@ def test_settings_are_found_in_the_arguments():
         ("jaxdyn vibration cannonball", "got the start of the scene, near which none was found."),
         ("jaxdyn run pendulum --solver stoermer14", "or use gauss12 for a long run that conserves"),
         ("jaxdyn run pendulum --set length=0", "error: length: expected"),
+        ("jaxdyn run ODE", 'error: file: expected parameters, starts and rates, got "x'),
+        ("jaxdyn runn pendulum", "No such command 'runn'. Did you mean 'run'? See --help."),
+        ("jaxdyn run MINE:swing", "got swing, which is none. Write `swing = lambda: ...`, or a"),
     ],
 )
 def test_a_command_names_its_options(command, tmp_path, words, said):
@@ -99,7 +102,10 @@ def test_a_command_names_its_options(command, tmp_path, words, said):
     path.write_text("t,a\n0,1\n1,2\n")
     swing = tmp_path / "swing.csv"
     swing.write_text("t,theta\n0,1\n1,2\n2,1\n3,2\n4,1\n")
+    (tmp_path / "model.ode").write_text("par a=1\nx'=a*\n")
+    (tmp_path / "mine.py").write_text("from jaxdyn import scenes\nswing = scenes.pendulum()\n")
     words = words.replace("FILE", str(path)).replace("SWING", str(swing))
+    words = words.replace("ODE", f"{tmp_path}/model.ode").replace("MINE", f"{tmp_path}/mine.py")
     ran = command(*words.split())
     assert ran.code == 2
     assert said in ran.err

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 import pytest
 
-from jaxdyn import Scene, drawing, scenes, simulate
+from jaxdyn import Scene, drawing, scenes, simulate, vibration
 from jaxdyn.drawing.titles import describe, readable
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.newton import FreePoints
@@ -37,7 +37,7 @@ def test_every_scene_has_its_name_and_numbers_in_its_title(name):
 def test_a_title_of_several_scenes_has_what_they_share():
     slow, fast = scenes.shaken_pendulum(frequency=10.0), scenes.shaken_pendulum(frequency=20.0)
     both = describe(slow, fast)
-    assert both.startswith("shaken_pendulum (m = 1, l = 1, amplitude = 0.1, phase = 0), uniform")
+    assert both.startswith("shaken_pendulum (m = 1, l = 1, amplitude = 0.1), uniform")
     other = describe(scenes.pendulum(), scenes.double_pendulum(g=1.0), scenes.pendulum(m=2.0))
     assert other == "pendulum and double_pendulum, uniform gravity"
 
@@ -61,3 +61,22 @@ def test_parameters_of_a_text_are_named():
     assert describe(swing()) == "swing (k = 4, c = 0.1)"
     assert describe(swing(), swing(k=3.0)) == "swing (c = 0.1)"
     assert "Written(k = 4, c = 0.1)" in repr(swing())
+
+
+@pytest.mark.parametrize(
+    ("given", "signal", "title"),
+    [
+        ("x", vibration.Harmonic(0.5, 2.0), "harmonic force on x (amplitude = 0.5, omega = 2)"),
+        ("x", vibration.Step(0.5, t_on=1.0), "step force on x (height = 0.5, t_on = 1)"),
+        (vibration.Base([1.0]), vibration.Step(0.5), "step base (direction = 1, height = 0.5)"),
+    ],
+)
+def test_a_drive_is_named_behind_what_it_drives(given, signal, title):
+    scene = vibration.drive(scenes.oscillator(k=4.0, c=0.2), given, signal)
+    assert describe(scene) == f"oscillator (m = 1), spring (k = 4), linear drag (c = 0.2), {title}"
+
+
+def test_numbers_that_are_zero_by_default_are_left_out():
+    assert describe(scenes.oscillator(k=0.0)) == "oscillator (m = 1), spring (k = 0)"
+    assert "phase = 1" in describe(scenes.shaken_pendulum(phase=1.0))
+    assert "phase" not in describe(scenes.shaken_pendulum(phase=0.0))

@@ -131,6 +131,10 @@ def test_text_may_have_spaces_commas_and_gaps(tmp_path):
     assert "Write one decimal point" in refusal(lambda: jaxdyn.read_csv(path))
     path.write_text("t,x\n0:10,1\n0:20,2\n")
     assert "got '0:10' in line 2, column t." in refusal(lambda: jaxdyn.read_csv(path))
+    path.write_text("name x\nSun 1\nHalley's comet 2\n")
+    said = refusal(lambda: jaxdyn.read_csv(path))
+    assert "got 3 in line 3" in said
+    assert "Put text with spaces or separators in quotation marks." in said
     path.write_text("Sun 1 1\nEarth 2 2\n")
     assert "Is a line of names missing?" in refusal(lambda: jaxdyn.read_csv(path))
 

@@ -524,3 +524,29 @@ def test_what_is_traced_is_named(swing):
     for of_x, name in ((least, "quantity"), (nearest, "wanted"), (bounded, "lower")):
         with pytest.raises(ValueError, match=f"{name}: expected numbers, got values traced by"):
             jax.grad(of_x)(0.5)
+
+
+def test_a_family_without_hold_is_named_where_a_design_fails(swing):
+    def unmet(orbit):
+        return [orbit.period - 2.0, orbit.period - 2.1]
+
+    free = design(pendulum, unmet, [1.0], swing, throw=False)
+    held = design(pendulum, unmet, [1.0], swing, hold="theta", throw=False)
+    assert free.outcome == held.outcome == DesignOutcome.LEAST
+    assert "come in families, with one for each energy" in free.message
+    assert "pass hold=, the name of an entry of the start, or orbits.Energy(E)." in free.message
+    assert "families" not in held.message
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("power", "outcome"), [(1, "CORNER"), (2, "FOUND")])
+def test_a_corner_is_named_where_a_quantity_is_least(swing, power, outcome):
+    def off(orbit):
+        return jnp.abs(orbit.period - 2.0) ** power
+
+    found = minimise(pendulum, off, [1.0], swing, hold="theta", throw=False)
+    assert found.outcome.name == outcome
+    assert ("Minimise a smooth one, such as its square" in found.message) == (power == 1)
+    # The period is 4 K(sin(1/2)^2) sqrt(l / g).
+    exact = 9.81 * (0.5 / ellipk(np.sin(0.5) ** 2)) ** 2
+    assert abs(found.numbers[0] - exact) < 1e-8
