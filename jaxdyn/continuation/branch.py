@@ -6,8 +6,8 @@ unknowns in units in which lengths and angles are meaningful, and the equations 
 Everything else is implemented here, once: a step predicts along the tangent and corrects in the
 plane across it (Keller's pseudo-arclength continuation); steps are shorter where none succeeds and
 longer where Newton's method converges easily; a special point between two neighbours is located
-where a test changes sign, by the Illinois method; and a branch is kept in a file, from which an
-interrupted run resumes (`checkpoint`).
+where a test changes sign, by the Illinois method, and so is the member on the bound at which a
+branch ends; and a branch is kept in a file, from which an interrupted run resumes (`checkpoint`).
 
 Reference: Keller (1977), in Rabinowitz (ed.), Applications of Bifurcation Theory, 359; Dowell,
 Jarratt (1971), BIT 11, 168, for the Illinois method.
@@ -42,6 +42,10 @@ CLOSED = "the first one again: it is closed"
 _EASY = 4  # with at most this many Newton steps the next step may be longer
 _GROW, _SHRINK = 1.5, 0.5
 _TRIALS = 60  # most points along the branch to locate a special one
+#: Relative distances of a number from a bound: that to which the member on it is located; on it but
+#: for rounding; the largest of a last member, and of a special point, that is said to be on it.
+_MET, _ROUNDING, _ON_BOUND = 1e-13, 1e-12, 1e-9
+_LEAST = 1e-3  # part of its unit of which a smaller number is thought to have the size
 
 Member = TypeVar("Member")
 
@@ -82,6 +86,38 @@ class Step(NamedTuple, Generic[Member]):
 
     member: Member
     factor: float
+
+
+class Bounded(NamedTuple):
+    """A number of a member that has bounds, or several; NaN for one that the branch does not have.
+
+    Attributes:
+      values: the number, or (n,) several.
+      within: its bounds, or a pair for each of several.
+      of: what they are bounds on, such as "on the energy, "; "" for the parameters.
+      units: units of the numbers, () or (n,): near 0 they are known relative to these.
+    """
+
+    values: Any
+    within: Sequence
+    of: str = ""
+    units: Any = 0.0
+
+    @property
+    def reason(self) -> str:
+        """Why a branch ends on the bounds."""
+        return bounds_reason(self.within, self.of)
+
+    @property
+    def edges(self) -> Iterator[tuple[float, float]]:
+        """For each finite bound how far the number is beyond it, and the size of both."""
+        values = np.ravel(self.values)
+        least = _LEAST * np.broadcast_to(self.units, values.shape)
+        for sign, bounds in zip((-1.0, 1.0), np.reshape(self.within, (-1, 2)).T, strict=True):
+            known = np.isfinite(bounds)
+            beyond = sign * (values - bounds)[known]
+            sizes = np.maximum(np.maximum(np.abs(values), np.abs(bounds)), least)[known]
+            yield from zip(beyond.tolist(), sizes.tolist(), strict=True)
 
 
 class Chart(abc.ABC, Generic[Member]):
@@ -182,27 +218,36 @@ class Chart(abc.ABC, Generic[Member]):
         new = tangent if isinstance(tangent, str) else self.member(a, found, tangent)
         return None if isinstance(new, str) else new
 
-    def at_end(self, a: Member, b: Member, share: float) -> bool:
+    def at_end(self, a: Member, b: Member, share: float, resolution: float | None = None) -> bool:
         """Whether the position after a fraction of the way from one to another is one of them."""
         size = 1.0 + np.linalg.norm(self.place(a).x[self.measured])
-        return not min(share, 1 - share) * abs(self.along(a, b)) > self.resolution * size
+        least = (resolution or self.resolution) * size
+        return not min(share, 1 - share) * abs(self.along(a, b)) > least
 
     def locate(
-        self, test: Callable[[Member], float], a: Member, b: Member, *, first: bool = False
+        self,
+        test: Callable[[Member], float],
+        a: Member,
+        b: Member,
+        *,
+        first: bool = False,
+        enough: float | None = None,
     ) -> Member | None:
         """The member between two neighbours where a test is zero, by the Illinois method.
 
         None if the test has no zero there (`changes_sign`). Where the bracket cannot be divided
         further, it is the best member found; the caller has to say whether its test is small
-        enough.
+        enough. A test that is a number of the member itself, and not of its motion, may ask for
+        more digits than those to which members differ: until it is as small as `enough`.
         """
+        goal, resolution = (0.0, None) if enough is None else (enough, Chart.resolution)
         left, right, side = test(a), test(b), 0
         if not changes_sign(left, right, first):
             return None
         best, least = (a, abs(left)) if abs(left) < abs(right) else (b, abs(right))
         for _ in range(_TRIALS):
             share = left / (left - right)
-            if least == 0 or self.at_end(a, b, share):
+            if least <= goal or self.at_end(a, b, share, resolution):
                 break
             point = self.between(a, b, share)
             if point is None or math.isnan(value := test(point)):
@@ -253,10 +298,10 @@ class BranchProblem(abc.ABC, Generic[Member]):
         del new, special
         return ""
 
-    def end_after(self, new: Member) -> str:
-        """Why the branch ends with a new member; "" if it does not."""
-        del new
-        return ""
+    def bounded(self, chart: Any, member: Member) -> list[Bounded]:
+        """The numbers of a member of a chart that have bounds, which the branch does not leave."""
+        del chart, member
+        return []
 
     def lost(self, reason: str) -> str:
         """Why the branch ends if no member is found, however short the step."""
@@ -302,6 +347,8 @@ def follow(
 ) -> Branch:
     """At most `most` members from the first one on; the first step has the length `step`.
 
+    A branch that leaves its bounds ends with the member on the bound that it meets first.
+
     A file at `path` saves each member as it is found, and provides those that an earlier run found.
     """
     about = {} if path is None else problem.about()
@@ -312,16 +359,26 @@ def follow(
         found, end = [], f"the number of members requested, {most}"
         for advance in itertools.islice(_advances(problem, first, step, checkpoint), most - 1):
             found.append(advance)
-            if advance.member is None:
+            if advance.member is not None:
+                report(advance.member)
+            if advance.end:
                 end = advance.end
-                break
-            report(advance.member)
-            if after := problem.end_after(advance.member):
-                end = after
                 break
         if checkpoint is not None:
             checkpoint.finish(end)
     return _branch(first, found, end)
+
+
+def begin_within(
+    problem: BranchProblem[Member], chart: Chart[Member], start: Member, first: Member
+) -> Member:
+    """The first member of a branch, in a chart, that leads from a special point to a member.
+
+    That is the member, or the one on the bound that is met on the way to it; or the special point,
+    if that is on the bound.
+    """
+    _, until, _ = _Edge(problem, chart, start, first).cut([], first)
+    return start if until is None else until
 
 
 def read(walk: SavedBranch, codec: Codec) -> Branch:
@@ -344,32 +401,114 @@ def _advances(
     """The steps from the first member on: those of the file, then new ones."""
     last, length = first, step
     for advance in () if checkpoint is None else checkpoint.advances:
-        yield advance
+        yield _of_file(problem, last, advance)
         last, length = advance.member, advance.step
     while True:
-        advance = _advance(problem, first, last, length, step)
-        if checkpoint is not None:
+        advance, kept = _advance(problem, first, last, length, step)
+        if checkpoint is not None and kept:
             checkpoint.add(advance)
         yield advance
         last, length = advance.member, advance.step
 
 
-def _advance(problem: BranchProblem, first, last, length: float, step: float) -> Advance:
-    """The next step, which is shortened while no member is found at its length."""
+def _advance(
+    problem: BranchProblem, first, last, length: float, step: float
+) -> tuple[Advance, bool]:
+    """The next step, which is shortened while no member is found at its length.
+
+    And whether it is for the file: other bounds may lead on where these leave no new member.
+    """
     chart = problem.chart(last)
     here = chart.inward(last)
     while isinstance(new := chart.step(here, length), str):
         length *= _SHRINK
         if length < problem.shortest * step:
-            return Advance(None, [], length, problem.lost(new))
+            return Advance(None, [], length, problem.lost(new)), True
     again = problem.again(chart, first, here, new.member)
     until = new.member if again is None else again
     special = problem.special(chart, here, until, last is first)
+    special, until, end = _Edge(problem, chart, here, new.member).cut(special, until)
     special = [chart.outward(x) for x in special]
-    member = chart.outward(new.member)
-    end = problem.end_before(member, special) or ("" if again is None else CLOSED)
+    if until is None:
+        return Advance(None, special, length, end), False
+    member = chart.outward(until)
+    before = problem.end_before(member, special)
+    if not (before or end or again is None):
+        before = CLOSED
     length = min(new.factor * length, problem.longest * step)
-    return Advance(None if end else problem.ready(member), special, length, end)
+    if before:
+        return Advance(None, special, length, before), True
+    return Advance(problem.ready(member), special, length, end), True
+
+
+def _of_file(problem: BranchProblem, last, advance: Advance) -> Advance:
+    """A step that a file has, within bounds that may be others than those of its run."""
+    if advance.member is None:
+        return advance
+    chart = problem.chart(last)
+    here, new = chart.inward(last), chart.inward(advance.member)
+    edge = _Edge(problem, chart, here, new)
+    special, until, end = edge.cut([chart.inward(x) for x in advance.special], new)
+    if until is new:
+        return advance._replace(end=edge.met(new) if advance.end else "")
+    member = None if until is None else problem.ready(chart.outward(until))
+    return Advance(member, advance.special[: len(special)], advance.step, end)
+
+
+class _Edge(Generic[Member]):
+    """The bounds of a branch, on the way from a member to the next one."""
+
+    def __init__(self, problem: BranchProblem[Member], chart: Chart[Member], here, new):
+        self.problem, self.chart, self.here = problem, chart, here
+        self.reasons = [x.reason for x in problem.bounded(chart, here) for _ in x.edges]
+        sizes = np.max([[size for _, size in self._edges(x)] for x in (here, new)], axis=0)
+        self.sizes = np.where(sizes > 0, sizes, 1.0)
+
+    def cut(self, special: list[Member], new: Member) -> tuple[list[Member], Member | None, str]:
+        """The special points within the bounds, the last member there, and why the branch ends.
+
+        Special points are in order: where a branch leaves the bounds and returns within a step,
+        there is one beyond them. The last member is the new one, and the reason "", if the branch
+        does not leave them. It is None if there is none besides that from which the step begins.
+        """
+        for n, point in enumerate(special):
+            until, end = self._towards(point, _ON_BOUND)
+            if end:
+                return special[:n], until, end
+        return special, *self._towards(new, _ROUNDING)
+
+    def _towards(self, point: Member, off: float) -> tuple[Member | None, str]:
+        """The last member within the bounds on the way to a point; see `cut`.
+
+        The point is within the bounds if it is beyond them by no more than `off`.
+        """
+        end = ""
+        for i, reason in enumerate(self.reasons):
+            if not self._beyond(point)[i] > off:
+                continue
+            if not self._beyond(self.here)[i] < -_ROUNDING:
+                return None, reason
+            found = self.chart.locate(
+                lambda x, i=i: float(self._beyond(x)[i]), self.here, point, enough=_MET
+            )
+            if found is None or not abs(self._beyond(found)[i]) <= _ON_BOUND:
+                return None, f"{reason}, on which no member was found"
+            if found is self.here:
+                return None, reason
+            point, end, off = found, reason, _ROUNDING
+        return point, end
+
+    def met(self, point: Member) -> str:
+        """Which bounds a point is on; "" if none."""
+        on = np.abs(self._beyond(point)) <= _ON_BOUND
+        return next((reason for reason, is_on in zip(self.reasons, on, strict=True) if is_on), "")
+
+    def _beyond(self, point: Member) -> np.ndarray:
+        """(m,) how far beyond each bound a point is, relative to the size of the number."""
+        return np.array([beyond for beyond, _ in self._edges(point)]) / self.sizes
+
+    def _edges(self, point: Member) -> list[tuple[float, float]]:
+        return [edge for x in self.problem.bounded(self.chart, point) for edge in x.edges]
 
 
 def changes_sign(left: float, right: float, first: bool = False) -> bool:
@@ -386,14 +525,16 @@ def check_bounds(name: str, bounds: Sequence) -> None:
         raise fail(name, "two bounds, the lower one first", bounds)
 
 
-def outside(values, within: Sequence, of: str = "") -> str:
-    """Why a branch ends, if a number, or one of several, is beyond its bounds; else "".
+def inside(value: float, within: Sequence) -> bool:
+    """Whether a number is within its bounds, or on one but for rounding."""
+    low, high = within
+    off = _ROUNDING * max((abs(x) for x in within if math.isfinite(x)), default=0.0)
+    return low - off <= value <= high + off
 
-    NaN is a number that the branch does not have, as the energy where there is none.
-    """
-    low, high = np.transpose(within)
-    beyond = np.any((values < low) | (values > high))
-    return f"the bounds {of}{_plain(within)}" if beyond else ""
+
+def bounds_reason(within: Sequence, of: str = "") -> str:
+    """Why a branch ends on its bounds; see `Bounded`."""
+    return f"the bounds {of}{_plain(within)}"
 
 
 def _plain(bounds: Any) -> Any:

@@ -38,10 +38,11 @@ class Advance(NamedTuple):
     """One step of a walk.
 
     Attributes:
-      member: the new member; None where the walk ends.
+      member: the new member; None where the walk ends without one.
       special: the special points before it.
       step: length of the next step.
-      end: why the walk ends, "" if it does not.
+      end: why the walk ends, "" if it does not; with a member, it ends within the bounds of the run
+        that found it, and other bounds may lead on.
     """
 
     member: Any

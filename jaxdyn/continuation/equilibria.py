@@ -7,6 +7,7 @@ Reference: Keller (1977), in Rabinowitz (ed.), Applications of Bifurcation Theor
 (2000), Numerical Methods for Bifurcations of Dynamical Equilibria, chapter 2.
 """
 
+import dataclasses
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -20,7 +21,15 @@ from jaxdyn._checks import check_first
 from jaxdyn._records import with_captures
 from jaxdyn.analysis.scales_at_rest import at_rest
 from jaxdyn.continuation import defining
-from jaxdyn.continuation.branch import ANYWHERE, BranchProblem, check_bounds, follow, outside
+from jaxdyn.continuation.branch import (
+    ANYWHERE,
+    Bounded,
+    BranchProblem,
+    begin_within,
+    check_bounds,
+    follow,
+    inside,
+)
 from jaxdyn.continuation.checkpoint import EQUILIBRIA, Codec, Log, of_fields
 from jaxdyn.continuation.defining import Make, slope_at
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, equilibrium_at
@@ -70,7 +79,7 @@ def continue_equilibria(
       members: largest number of members.
       down: start towards a smaller parameter; at a fold, opposite to the default, in which the
         entry of the state that changes most grows.
-      within: bounds on the parameter; the family ends at the first member beyond them.
+      within: bounds on the parameter; a family that leaves them ends with the member on the bound.
       report: called with each member as it is found.
       path: a file (.jsonl) that saves each member as it is found, and may contain several families
         and curves; the same call resumes from it after an interruption. See
@@ -104,12 +113,12 @@ def continue_equilibria(
     members = _checks.whole("members", members)
     check_bounds("within", within)
     parameter = float(_checks.array("parameter", parameter, ()))
-    if not within[0] <= parameter <= within[1]:
+    if not inside(parameter, within):
         wanted = f"one within the bounds {within[0]:g} and {within[1]:g}"
         raise _checks.fail("parameter", wanted, f"{parameter:g}", "Widen within=.")
     make = with_captures(make, "parameter")
     first = _first(make, parameter, start, down)
-    return _follow(make, first, step, members, within, path, report)
+    return _follow(_problem(make, parameter, within), first, step, members, path, report)
 
 
 @check_first
@@ -155,8 +164,11 @@ def switch_branch(
     solution = defining.solve(defining.arc, make, normal[0], normal)
     if solution is None:
         raise _checks.fail("step", "an equilibrium at this distance", "none", "Try a smaller one.")
-    first = units.outward(equilibrium_at(make, solution.x, tangent, solution.residual))
-    return _follow(family.make, first, step, members, within, path)
+    problem = _problem(family.make, special.parameter, within)
+    beside = equilibrium_at(make, solution.x, tangent, solution.residual)
+    start = dataclasses.replace(here, tangent=tangent, kind=None)
+    first = begin_within(problem, EquilibriumChart(family.make, units), start, beside)
+    return _follow(problem, units.outward(first), step, members, path)
 
 
 def _first(make: Make, parameter: float, start, down: bool) -> Equilibrium:
@@ -242,19 +254,23 @@ class _Problem(BranchProblem[Equilibrium]):
     def special(self, chart: EquilibriumChart, a, b, first: bool) -> list[Equilibrium]:
         return special_points(chart, a, b, first)
 
-    def end_after(self, new: Equilibrium) -> str:
-        return outside(new.parameter, self.within)
+    def bounded(self, chart: EquilibriumChart, member: Equilibrium) -> list[Bounded]:
+        units = chart.units.parameters
+        return [Bounded(member.parameter * units, self.within, units=units)]
 
     def lost(self, reason: str) -> str:
         return _LOST
 
 
+def _problem(make: Make, parameter: float, within: tuple[float, float]) -> _Problem:
+    return _Problem(make, within, groups(make(parameter).system))
+
+
 def _follow(
-    make: Make, first: Equilibrium, step, members, within, path, report=lambda point: None
+    problem: _Problem, first: Equilibrium, step, members, path, report=lambda point: None
 ) -> EquilibriumFamily:
-    problem = _Problem(make, within, groups(make(first.parameter).system))
     found = follow(problem, first, step, members, report, path)
-    return EquilibriumFamily(found.members, found.special, found.end, make)
+    return EquilibriumFamily(found.members, found.special, found.end, problem.make)
 
 
 def _other_tangent(make: InUnits, special: Equilibrium) -> np.ndarray:

@@ -14,7 +14,7 @@ import numpy as np
 from jaxdyn import _checks
 from jaxdyn._records import with_captures
 from jaxdyn.continuation import augmented
-from jaxdyn.continuation.branch import ANYWHERE, BranchProblem, check_bounds, follow, outside
+from jaxdyn.continuation.branch import ANYWHERE, Bounded, BranchProblem, check_bounds, follow
 from jaxdyn.continuation.checkpoint import CURVE, Codec, Log, of_fields
 from jaxdyn.continuation.codimension_two import CurveChart, point_at, special_points
 from jaxdyn.continuation.curve import Curve, CurvePoint, MakeOfTwo
@@ -62,7 +62,7 @@ def continue_curve(
       members: largest number of members.
       down: start towards a smaller second parameter; at a Bogdanov-Takens point a curve of Hopf
         points has one direction only.
-      within: bounds on each parameter; the curve ends at the first member beyond them.
+      within: bounds on each parameter; a curve that leaves them ends with the member on the bound.
       report: called with each member as it is found.
       path: file (.jsonl) that saves each member as it is found, and may contain several families
         and curves; the same call resumes from it after an interruption. See
@@ -202,8 +202,9 @@ class _Problem(BranchProblem[CurvePoint]):
         real = new.curve == Kind.HOPF and new.unknowns[-1] <= 0
         return _BEYOND if real else ""
 
-    def end_after(self, new: CurvePoint) -> str:
-        return outside(new.parameters, self.within)
+    def bounded(self, chart: CurveChart, member: CurvePoint) -> list[Bounded]:
+        units = chart.units.parameters
+        return [Bounded(member.parameters * units, self.within, units=units)]
 
     def lost(self, reason: str) -> str:
         return "no point of the curve was found beyond"

@@ -17,7 +17,7 @@ from jaxdyn import Scene
 from jaxdyn._checks import array, check_on_host, fail, positive, whole
 from jaxdyn._records import with_captures
 from jaxdyn.analysis.eigenvalues import map_in_units
-from jaxdyn.continuation.branch import ANYWHERE, BranchProblem, check_bounds, follow, outside
+from jaxdyn.continuation.branch import ANYWHERE, Bounded, BranchProblem, check_bounds, follow
 from jaxdyn.continuation.checkpoint import Codec, Log
 from jaxdyn.continuation.kinds import CodimensionTwo, Kind
 from jaxdyn.continuation.units import Units
@@ -129,7 +129,7 @@ def continue_curve(
         later steps are up to ten times as long.
       members: largest number of members.
       down: start towards a smaller second parameter.
-      within: bounds on each parameter; the curve ends at the first member beyond them.
+      within: bounds on each parameter; a curve that leaves them ends with the member on the bound.
       segments: number of segments of multiple shooting; by default as many as the growth of errors
         requires.
       rtol: tolerance of the integrations.
@@ -329,8 +329,8 @@ class _Problem(BranchProblem[OrbitCurvePoint]):
         real = new.curve == Kind.TORUS and abs(self.extended.unpack(new.unknowns).extra) >= 1
         return "a strong resonance, beyond which the multipliers are real" if real else ""
 
-    def end_after(self, new: OrbitCurvePoint) -> str:
-        return outside(new.parameters, self.within)
+    def bounded(self, chart: CurveChart, member: OrbitCurvePoint) -> list[Bounded]:
+        return [Bounded(member.parameters, self.within, units=chart.units.parameters)]
 
     def lost(self, reason: str) -> str:
         return _LOST

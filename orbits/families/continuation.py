@@ -23,7 +23,7 @@ import numpy as np
 from jaxdyn._checks import check_first, check_on_host, fail, positive, whole
 from jaxdyn._records import with_captures
 from jaxdyn._text import flag, number_of
-from jaxdyn.continuation.branch import ANYWHERE, BranchProblem, check_bounds, follow, outside
+from jaxdyn.continuation.branch import ANYWHERE, Bounded, BranchProblem, check_bounds, follow
 from jaxdyn.continuation.checkpoint import Codec, Log
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.scene import Scene
@@ -148,8 +148,8 @@ def continue_family(
       down: start towards a smaller parameter, or without one towards a shorter period; False for
         a larger or longer one. By default that, except from a small orbit about an equilibrium, as
         `from_hopf` finds it: then the family leads away from the equilibrium.
-      within: bounds on the parameter, or without one on the period; the family ends at the first
-        member beyond them.
+      within: bounds on the parameter, or without one on the period; a family that leaves them ends
+        with the member on the bound.
       energies: bounds on the energy of the members, likewise; not for chains.
       hold: conditions that all members satisfy besides closing, e.g. ``orbits.Energy(-1.0)``, or
         names of entries of the start that all members have in common; not for chains.
@@ -348,18 +348,14 @@ class _Problem(BranchProblem[Member]):
         known = drive_period(orbit.scene)
         return known is not None and not repeats(orbit.scene, float(orbit.period))
 
-    def end_after(self, new: Member) -> str:
-        beyond = outside(_measure(self.surface, new.point), self.within)
-        return beyond or outside(new.energy, self.energies, "on the energy, ")
+    def bounded(self, chart: OrbitChart, member: Member) -> list[Bounded]:
+        energy = Bounded(member.energy, self.energies, "on the energy, ")
+        if self.surface.equations.make is None:
+            return [Bounded(member.orbit.period, self.within, units=chart.units[-1]), energy]
+        return [Bounded(member.parameter, self.within, units=chart.units[-2]), energy]
 
     def lost(self, reason: str) -> str:
         return f"no orbit was found beyond: {reason}"
 
     def ready(self, member: Member) -> Member:
         return in_segments(self.surface, member)
-
-
-def _measure(surface: Surface, point: Point) -> float:
-    """The quantity to which `within` and `down` refer: the parameter, or the period."""
-    make = surface.equations.make
-    return float(point.x[-1] if make is None else parameter_at(surface.at(point), point.x))

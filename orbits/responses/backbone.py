@@ -19,7 +19,7 @@ from jaxdyn._checks import check_first, check_on_host, fail, positive, whole
 from jaxdyn._labelled import Labelled, Values
 from jaxdyn.analysis.energy import energy as energy_at
 from jaxdyn.analysis.scales_at_rest import at_rest
-from jaxdyn.continuation.branch import ANYWHERE, check_bounds, outside
+from jaxdyn.continuation.branch import ANYWHERE, bounds_reason, check_bounds
 from jaxdyn.scales import groups
 from jaxdyn.scene import check_scene
 from jaxdyn.vibration.inputs import Output
@@ -200,9 +200,9 @@ def backbone(
         energies=bounds,
         report=report,
     )
-    beyond = outside(2 * np.pi / family.periods[-1], frequencies, "on the frequency, ")
-    if beyond:  # the family names the bounds on its period
-        family = dataclasses.replace(family, end=beyond)
+    on_frequency = bounds_reason(frequencies, "on the frequency, ")
+    end = family.end.replace(bounds_reason(within), on_frequency)  # not those on its period
+    family = dataclasses.replace(family, end=end)
     linear = np.array([2 * np.pi / seed.period for seed in small])
     others = [n for n in range(1, len(linear) + 1) if n != mode]
     found = resonances(family, np.delete(linear, mode - 1) / linear[mode - 1], others, order)

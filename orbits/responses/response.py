@@ -42,6 +42,7 @@ from orbits.shooting.segment import Make, OwnNumber
 
 _PARTS = (0.03, 0.1, 0.3, 0.6, 1.0)  # fractions of a level at which responses are found in turn
 _ABOVE, _LEVELS = 5.0, 200  # highest level, and most members, of a family over the level
+_ROUNDING = 1e-9  # relative distance below which two values of the parameter are the same
 _SAME = 1e-6  # starts that differ less, relative to the sizes, belong to the same response
 _PEAK = {"xatol": 1e-6, "maxiter": 40}  # relative to a step along the curve
 _NO_FIRST = (
@@ -320,8 +321,10 @@ def _crossings(curve: Family, value: float) -> list[Member]:
     """The responses of a family at a value of its parameter."""
     surface = OrbitSurface(curve.equations, curve.members[0].orbit.rtol, GOAL)
     found = []
-    for a, b in itertools.pairwise(curve.members):
-        if (a.parameter - value) * (b.parameter - value) <= 0:
+    at = [np.isclose(m.parameter, value, rtol=_ROUNDING, atol=0.0) for m in curve.members]
+    found += [m for m, there in zip(curve.members, at, strict=True) if there]
+    for (a, here), (b, there) in itertools.pairwise(zip(curve.members, at, strict=True)):
+        if not (here or there) and (a.parameter - value) * (b.parameter - value) < 0:
             zero = zero_between(surface.at(a.point), a, b, lambda _, m: m.parameter - value)
             found.append(zero)
     return [member for member in found if member is not None]
@@ -338,7 +341,7 @@ def _frequencies(curves: list[Family], ends: tuple[float, float], count: int) ->
     """The frequencies at which responses are followed over the level."""
     output = curves[0].members[0].orbit.scene.labels()[0][0]
     peaks = [_peak(curve, output).parameter for curve in curves]
-    inside = [x for x in peaks if ends[0] < x < ends[1]]
+    inside = [x for x in peaks if not np.isclose(x, ends, rtol=_ROUNDING, atol=0.0).any()]
     return inside + np.linspace(*ends, count + 1)[1:-1].tolist()
 
 
@@ -356,7 +359,7 @@ def _isolas(
             if any(_passes(one, orbit, omega) for one in (*known, *found)):
                 continue
             curve = follow(orbit, forced.make(level), omega, down=False)
-            if not curve.closed:  # both of its ends are beyond the range
+            if not curve.closed:  # both of its ends are those of the range
                 last = curve.members[-1]
                 back = last.parameter > omega
                 curve = follow(last.orbit, forced.make(level), last.parameter, down=back)

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from jaxdyn.continuation import newton
-from jaxdyn.continuation.branch import BranchProblem, Chart, Correction, Place, follow
+from jaxdyn.continuation.branch import (
+    ANYWHERE,
+    Bounded,
+    BranchProblem,
+    Chart,
+    Correction,
+    Place,
+    follow,
+)
 from jaxdyn.continuation.checkpoint import Codec, Log
 
 RADIUS = 1e3
@@ -41,12 +49,12 @@ class Circle(Chart):
 
 
 class Around(BranchProblem):
-    """The circle, with the points where x or y is 0."""
+    """The circle within bounds on x and y, with the points where x or y is 0."""
 
     what = "circle"
 
-    def __init__(self, least: float = -np.inf):
-        self.least = least
+    def __init__(self, least: float = -np.inf, x=ANYWHERE, y=ANYWHERE):
+        self.least, self.within = least, (x, y)
 
     def chart(self, member):
         return Circle(self.least)
@@ -57,6 +65,9 @@ class Around(BranchProblem):
     def special(self, chart, a, b, first):
         found = [chart.locate(lambda point, i=i: point[i], a, b, first=first) for i in range(2)]
         return [point for point in found if point is not None]
+
+    def bounded(self, chart, member):
+        return [Bounded(member[:2] * RADIUS, self.within)]
 
     def lost(self, reason):
         return f"nothing beyond: {reason}"
@@ -92,6 +103,109 @@ def test_steps_become_shorter_where_a_branch_ends_and_it_says_why():
     found = follow(problem, FIRST, 0.1, 200, ignore)
     assert found.end == "nothing beyond: it is too low"
     assert found.members[-1][1] / RADIUS == pytest.approx(-0.5, abs=problem.shortest)
+
+
+@pytest.mark.parametrize(
+    ("bounds", "angle", "special"),
+    [
+        ({"y": (-1.0, 0.7 * RADIUS)}, np.arcsin(0.7), 1),
+        ({"x": (0.3 * RADIUS, 2e3)}, np.arccos(0.3), 1),
+        ({"x": (-0.01 * RADIUS, 2e3)}, np.arccos(-0.01), 2),
+        ({"x": (0.01 * RADIUS, 2e3)}, np.arccos(0.01), 1),  # the next point is in the same step
+        ({"x": (0.0, np.inf)}, np.pi / 2, 2),  # on the bound itself
+        ({"y": (-0.5 * RADIUS, np.inf)}, np.pi + np.arcsin(0.5), 3),
+    ],
+)
+def test_a_branch_that_leaves_its_bounds_ends_on_them(bounds, angle, special):
+    seen = []
+    found = follow(Around(**bounds), FIRST, 0.1, 200, seen.append)
+    x, y = found.members[-1][:2] / RADIUS
+    assert [x, y] == pytest.approx([np.cos(angle), np.sin(angle)], abs=1e-12)
+    assert len(found.special) == special
+    within = tuple(bounds.get(name, ANYWHERE) for name in "xy")
+    assert found.end == f"the bounds {within}"
+    np.testing.assert_array_equal(seen, found.members)
+
+
+@pytest.mark.parametrize("angle", [0.69, 0.71])
+def test_of_several_bounds_the_first_along_the_branch_counts(angle):
+    corner = {"x": (np.cos(angle) * RADIUS, 2e3), "y": (-1.0, np.sin(0.7) * RADIUS)}
+    found = follow(Around(**corner), FIRST, 0.25, 200, ignore)
+    x, y = found.members[-1][:2]
+    assert np.arctan2(y, x) == pytest.approx(min(angle, 0.7), abs=1e-12)
+
+
+@pytest.mark.parametrize("top", [RADIUS, RADIUS * (1 + 1e-15), RADIUS * (1 - 1e-15)])
+def test_a_branch_goes_on_where_it_touches_a_bound(top):
+    assert len(follow(Around(x=(-top, top), y=(-top, top)), FIRST, 0.1, 24, ignore).members) == 24
+
+
+class Turning(Around):
+    """The circle, with the points where it turns in x and in y."""
+
+    def special(self, chart, a, b, first):
+        found = [chart.locate(lambda point, i=i: point[2 + i], a, b) for i in range(2)]
+        return [point for point in found if point is not None]
+
+
+def test_a_branch_that_leaves_and_returns_within_a_step_ends_where_it_leaves():
+    top = 0.9999 * RADIUS
+    found = follow(Turning(y=(-2e3, top)), FIRST, 0.4, 24, ignore)
+    points = np.array(follow(Turning(), FIRST, 0.4, 24, ignore).members)
+    assert (points[:12, 1] < top).all()  # no member is beyond
+    assert found.members[-1][1] == pytest.approx(top, rel=1e-12)
+    assert found.members[-1][0] > 0
+    assert found.special == ()
+
+
+@pytest.mark.parametrize("off", [-1e-15, 0.0, 1e-15])
+def test_a_branch_may_begin_on_a_bound(off):
+    start = RADIUS * np.cos(0.5), RADIUS * np.sin(0.5)
+    first = np.array([*start, -np.sin(0.5), np.cos(0.5)])
+    inward = follow(Around(y=(start[1] * (1 + off), 0.9 * RADIUS)), first, 0.1, 30, ignore)
+    assert inward.members[-1][1] == pytest.approx(0.9 * RADIUS, rel=1e-12)
+    outward = follow(Around(x=(start[0] * (1 + off), 2e3)), first, 0.1, 30, ignore)
+    assert len(outward.members) == 1
+    assert outward.end.startswith("the bounds ((877.58")
+
+
+class Hole(Circle):
+    """The circle without its points between two heights, where nothing is found."""
+
+    def correct(self, last, start, plane):
+        found = super().correct(last, start, plane)
+        return "a hole" if 0.5 < found.x[1] < 0.55 else found
+
+
+def test_where_no_member_is_found_on_a_bound_the_last_one_is_inside():
+    problem = Around(y=(-1.0, 0.52 * RADIUS))
+    problem.chart = lambda member: Hole()
+    found = follow(problem, FIRST, 0.25, 30, ignore)
+    assert found.members[-1][1] < 0.5 * RADIUS
+    assert found.end.endswith("520.0)), on which no member was found")
+
+
+def test_a_branch_goes_on_from_its_bounds_where_they_are_wider(tmp_path):
+    path = tmp_path / "circle.jsonl"
+
+    def upto(high, most=30):
+        return follow(Around(y=(-1.0, high * RADIUS)), FIRST, 0.1, most, ignore, path)
+
+    short = upto(0.5)
+    size = path.stat().st_size
+    again = upto(0.5)
+    assert path.stat().st_size == size  # nothing was found anew
+    np.testing.assert_array_equal(again.members, short.members)
+    assert (again.end, again.before) == (short.end, short.before)
+    long = upto(0.9)
+    np.testing.assert_array_equal(long.members[: len(short.members)], short.members)
+    assert long.members[-1][1] == pytest.approx(0.9 * RADIUS, rel=1e-12)
+    # Narrower bounds end it on them, and leave the file as it is.
+    narrow = upto(0.3)
+    assert narrow.members[-1][1] == pytest.approx(0.3 * RADIUS, rel=1e-12)
+    assert len(narrow.members) < len(short.members)
+    np.testing.assert_array_equal(upto(0.5).members, short.members)
+    np.testing.assert_array_equal(upto(0.9).members, long.members)
 
 
 def test_an_interrupted_branch_goes_on_from_its_file(tmp_path):

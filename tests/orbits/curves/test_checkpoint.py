@@ -68,7 +68,9 @@ def test_an_interrupted_curve_goes_on_to_the_same_result(whole, tmp_path):
     assert_same(found, whole)
     assert orbits.stability(found.members[-1].orbit).verdict in ("stable", "unstable", "undecided")
     figure = jaxdyn.drawing.bifurcation_curves([found], tmp_path / "curve.png")
-    np.testing.assert_array_equal(figure.axes[0].lines[0].get_xydata(), whole.parameters)
+    drawn = figure.axes[0].lines[0].get_xydata()  # a smooth curve through the members
+    every = (len(drawn) - 1) // (len(whole.members) - 1)
+    np.testing.assert_allclose(drawn[::every], whole.parameters, rtol=1e-12)
 
 
 @pytest.mark.slow

@@ -40,7 +40,8 @@ def test_the_shaken_pendulum_doubles_its_period_at_mathieus_characteristic_value
         _shaken, rest, start, kind=Kind.DOUBLING, within=((-5, 5), (0, 2)), step=0.2
     )
     a, q = curve.parameters.T
-    assert q[-1] > 2
+    assert abs(q[-1] - 2) < 1e-12
+    assert curve.end == "the bounds ((-5, 5), (0, 2))"
     np.testing.assert_allclose(a, edge(1, q), atol=1e-12)
     # The determinant is 1: both multipliers are -1 all along, no 1:2 resonance.
     assert curve.special == ()

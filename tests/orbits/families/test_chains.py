@@ -79,7 +79,9 @@ def test_a_family_of_bounces_has_the_fold_of_the_closed_form(bounce):
     # The table must be as fast, at its fastest, as it has to be at an impact.
     exact = G * PERIOD / 2 * (1 - E) / (1 + E) / TURN
     assert abs(fold.parameter - exact) < 1e-12
-    assert family.parameters[-1] > 0.1  # beyond the fold it returns
+    # Beyond the fold it returns, to the bound on which it began.
+    assert abs(family.parameters[-1] - 0.1) < 1e-13
+    assert family.parameters[1:-1].max() < 0.1
 
 
 def test_and_the_period_doubling_of_the_closed_form(bounce):

@@ -146,7 +146,8 @@ def test_a_step_that_comes_near_a_collision_ends_early(monkeypatch):
 @pytest.mark.slow
 def test_it_goes_down_and_stops_at_its_bounds():
     found = family(Pitchfork, -0.3, [1.0, 0.0, 0.0], step=0.1, down=True, within=(-0.6, 0.0))
-    assert found.parameters[-1] < -0.6 <= found.parameters[-2]
+    assert found.parameters[-2] > -0.6
+    assert abs(found.parameters[-1] + 0.6) < 1e-12
     assert "bounds" in found.end
 
 
@@ -155,13 +156,13 @@ def test_a_conservative_family_stops_at_a_bound_on_its_energy():
     swing = orbits.find(scenes.pendulum(angle=0.5), period=2.0)
     bounds = (np.float64(-9.81), jnp.asarray(-7.0))
     found = orbits.continue_family(swing, members=40, step=0.2, energies=bounds)
-    assert found.energies[-2] <= -7.0 < found.energies[-1]
+    assert found.energies[-2] < -7.0
+    assert abs(found.energies[-1] + 7.0) < 1e-11
     assert found.end == "the bounds on the energy, (-9.81, -7.0)"
     assert 2 < len(found.members) < 40
-    # At the bound itself: the last member brought back onto it, against the elliptic integral.
-    last = found.members[-1].orbit
-    there = orbits.find(last.scene, last.y0, last.period, hold=orbits.Energy(-7.0))
-    assert abs(there.period - 4 / np.sqrt(9.81) * ellipk(0.5 * (1 - 7.0 / 9.81))) < SOLVED
+    # At the bound itself, against the elliptic integral.
+    exact = 4 / np.sqrt(9.81) * ellipk(0.5 * (1 - 7.0 / 9.81))
+    assert abs(found.periods[-1] - exact) < SOLVED
 
 
 def test_it_says_where_it_ends():

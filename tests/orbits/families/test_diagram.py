@@ -43,6 +43,8 @@ def test_equilibria_and_the_orbits_that_begin_there(cycles, tmp_path):
     np.testing.assert_allclose(first.parameter, high**2 / 4, rtol=1e-3)
     assert all(member.stability.verdict == "stable" for member in family.members[1:])
     assert "supercritical Hopf point at" in repr(found)
+    ends = sorted(family.parameters[-1] for family in found.equilibria)
+    np.testing.assert_allclose(ends, [-1.0, 1.0], rtol=1e-12)
     path = tmp_path / "diagram.png"
     orbits.drawing.diagram(found, path, entry="y0", parameter="mu")
     assert path.stat().st_size > 10_000

@@ -50,7 +50,8 @@ def test_the_folds_of_duffings_equation_are_those_of_harmonic_balance(found):
 
 
 def test_every_branch_is_that_of_harmonic_balance(found):
-    curve = found.curves[1]
+    for curve in found.curves:
+        assert_allclose(curve.parameters[[0, -1]], [1.2, 2.3], rtol=1e-12)
     known = balance(1.0)
     assert {m.stability.verdict for m in curve.members} == {"stable", "unstable"}
     for member in curve.members[3::12]:
@@ -270,7 +271,8 @@ def test_a_resonance_that_passes_the_end_of_the_range_has_both_branches(found):
     assert [m.kind for m in lower.special] == [orbits.Kind.FOLD]
     assert_allclose(lower.special[0].parameter, found.folds[1][1].parameter, rtol=1e-10)
     # The lower one goes on behind its fold, on the unstable branch, to the same end.
-    assert lower.members[-1].parameter >= 1.8
+    ends = [curve.parameters[[0, -1]] for curve in cut.curves]
+    assert_allclose(ends, [[0.7, 1.8], [1.8, 1.8]], rtol=1e-12)
     assert lower.members[-1].stability.verdict == "unstable"
 
 
@@ -388,7 +390,6 @@ def test_the_forced_nerve_of_autos_demo_responds_without_folds():
     (curve,) = found.curves
     assert len(found.folds[0]) == 0
     places = [member.parameter for member in curve.members]
-    assert min(places) < ends[0]
-    assert max(places) > ends[1] - 1e-9
+    assert_allclose([min(places), max(places)], ends, rtol=1e-12)
     for member in curve.members[:: len(curve.members) // 3]:
         assert_allclose(member.orbit.y0, periodic(member.parameter, 0.2), atol=1e-6)
