@@ -10,6 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 #: What messages call arguments that commands fill from options of another name.
 _OF_OTHER_NAME = {
+    "Deflated": ("unlike",),
     "Force.on": ("drive", "input"),
     "frequencies": ("within",),
     "guess": ("free",),
