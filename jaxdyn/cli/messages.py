@@ -9,7 +9,13 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 
 #: What messages call arguments that commands fill from options of another name.
-_OF_OTHER_NAME = {"Force.on": ("drive", "input"), "y": ("start",), "guess": ("free",)}
+_OF_OTHER_NAME = {
+    "Deflated": ("unlike",),
+    "Force.on": ("drive", "input"),
+    "frequencies": ("within",),
+    "guess": ("free",),
+    "y": ("start",),
+}
 #: What is said of arguments that are no options.
 _NO_OPTIONS = {"make": "scene", "data": "table", "text": "file"}
 #: The name at the beginning of a message, before what was expected.
@@ -23,7 +29,7 @@ _SETTING = re.compile(r"--(?:set|free) \w+=\S*")
 _SOLVER = re.compile(r"\b(?:jaxdyn\.)?solvers\.(?P<name>[A-Z][A-Z0-9_]*)\b")
 #: What only a program can use; not what defines a scene, since a scene may be in a file of Python.
 _PYTHON = re.compile(
-    r"\b(?:jaxdyn|orbits|vibration)\.(?!ode\b|lagrangian\b)\w|(?<![\w`-])[a-z_]\w*(?:=(?![=\d.])|\(\))"
+    r"\b(?:jaxdyn|orbits|vibration)\.(?!ode\b|lagrangian\b)\w|(?<![\w`-])[a-z_]\w*(?:=(?!=|\.?\d)|\(\))"
 )
 _OF_SCENES = re.compile(r"\bjaxdyn\.(?:ode|lagrangian)\b|\bSystem\b|\bScene\b")
 _SENTENCE = re.compile(r"(?<=[.?!]) (?=[A-Z`-])")

@@ -29,6 +29,7 @@ from jaxdyn.files.output_files import animation_path, page_path, picture_path
 
 MISUSE = 2  # exit code: invalid input
 BEGAN = time.perf_counter()  # when the command line began to load: libraries take a second or more
+FAILED = 1  # exit code: what was sought is not found
 INTERRUPTED = 130  # exit code: Ctrl-C, as in shells
 PIPE_CLOSED = 1  # exit code: the reader has closed the pipe; that of Typer
 _RARELY = 100_000, 20, 50  # objects made, and collections, between two collections
@@ -163,7 +164,10 @@ def _begin(
 
 
 def start(app: typer.Typer) -> None:
-    """Run a command line; one line on standard error and exit code 2 for invalid input."""
+    """Run a command line; one line on standard error and an exit code for what fails.
+
+    The code is 2 for invalid input, and 1 where nothing is found.
+    """
     # Most objects that imports and traces make stay alive; searching them for cycles again and
     # again takes a tenth of the time of a short command. A library must leave this setting to its
     # user, but this process is ours.
@@ -187,6 +191,11 @@ def start(app: typer.Typer) -> None:
         _refuse(_in_options(app, error))
     except typer.Abort:
         raise SystemExit(INTERRUPTED) from None
+    except RuntimeError as error:
+        # What a search or an integration did not reach; others are errors of this program.
+        if not type(error).__module__.startswith(("jaxdyn.", "orbits.")):
+            raise
+        _refuse(_in_options(app, error), FAILED)
     except BrokenPipeError:
         _let_go()
         raise SystemExit(PIPE_CLOSED) from None
@@ -200,7 +209,7 @@ def start(app: typer.Typer) -> None:
         gc.freeze()
 
 
-def _in_options(app: typer.Typer, error: ValueError) -> str:
+def _in_options(app: typer.Typer, error: Exception) -> str:
     """The message of an error, in the words of the command that was run."""
     name, *arguments = sys.argv[1:]
     command = getattr(typer.main.get_command(app), "commands", {}).get(name)
@@ -217,6 +226,6 @@ def _let_go() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _refuse(message: str) -> None:
+def _refuse(message: str, code: int = MISUSE) -> None:
     print(f"error: {' '.join(message.split())}", file=sys.stderr)  # noqa: T201
-    raise SystemExit(MISUSE) from None
+    raise SystemExit(code) from None

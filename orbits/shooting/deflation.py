@@ -145,6 +145,11 @@ class Deflated(Strategy):
         return orbit_at(cuts, found.x, found.residual, Outcome.NO_OTHER, rtol=effort.rtol)
 
 
+def _named(scene: Scene) -> str:
+    entries = ", ".join(name for name, _ in scene.labels())
+    return f"{scene.name or type(scene.system).__name__}, of {entries}"[:80]
+
+
 def known_orbits(orbits: Sequence[Orbit], scene: Scene) -> list[KnownOrbit]:
     """The known orbits as they are deflated.
 
@@ -156,7 +161,8 @@ def known_orbits(orbits: Sequence[Orbit], scene: Scene) -> list[KnownOrbit]:
             got = getattr(orbit, "message", type(orbit).__name__)
             raise fail("Deflated", "known orbits that close", got)
         if type(orbit.scene.system) is not type(scene.system) or orbit.y0.shape != scene.y0.shape:
-            raise fail("Deflated", f"known orbits of {scene!r}", repr(orbit.scene))
+            wanted, got = map(_named, (scene, orbit.scene))
+            raise fail("Deflated", f"known orbits of {wanted}", got)
     return [_known_orbit(orbit) for orbit in orbits]
 
 

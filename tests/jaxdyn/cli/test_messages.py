@@ -2,6 +2,7 @@
 
 import pytest
 
+import orbits
 from jaxdyn.cli.messages import in_options, settings_of
 
 OPTIONS = [
@@ -119,3 +120,15 @@ def test_a_message_about_a_line_of_a_file_stays_as_it_is(command, tmp_path):
     ran = command("jaxdyn", "run", path)
     assert ran.code == 2
     assert "error: t1: expected" in ran.err
+
+
+def test_a_failed_search_is_one_line(command, monkeypatch):
+    def fail(*args, **kwargs):
+        raise orbits.orbit.SearchError(
+            "No response was found. Widen frequencies=. Or quality=. See orbits.find."
+        )
+
+    monkeypatch.setattr(orbits, "backbone", fail)
+    ran = command("orbits", "backbone", "pendulum", "--set", "angle=0")
+    assert (ran.code, ran.out) == (1, "")
+    assert ran.err == "error: No response was found. Widen --within.\n"

@@ -169,7 +169,9 @@ def test_what_is_no_orbit_is_refused():
 
 
 def test_orbits_of_another_scene_are_refused(well):
-    with pytest.raises(ValueError, match="Deflated: expected known orbits of"):
+    with pytest.raises(
+        ValueError, match="Deflated: expected known orbits of lorenz, of x, y, z, got "
+    ):
         orbits.find(scenes.lorenz(), period=2.0, strategy=orbits.Deflated([well]))
 
 
