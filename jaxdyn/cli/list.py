@@ -15,6 +15,8 @@ from jaxdyn.cli.docstrings import SceneText, of_file, scenes
 from jaxdyn.cli.screen import Screen
 from jaxdyn.cli.shared import JsonOption
 
+_MOST_WHOLE = 4  # scenes found by a word that are listed with all their numbers
+
 
 def list_command(
     names: Annotated[
@@ -46,7 +48,11 @@ def list_command(
     if as_object:
         out.result({name: _description(scene) for name, scene in chosen.items()})
         return
-    if chosen:
+    found_by_word = bool(names) and any(name not in chosen for name in names)
+    if found_by_word and len(chosen) > _MOST_WHOLE:
+        out.print(_beside("scene", {name: scene.summary for name, scene in chosen.items()}))
+        out.print("[dim]jaxdyn list SCENE shows its numbers.[/dim]")
+    elif chosen:
         out.print(_scenes(chosen))
     for heading, rows in texts.items():
         if rows:
@@ -62,8 +68,15 @@ def _matching_scenes(words: list[str]) -> dict[str, SceneText]:
         elif word in zoo:
             found[word] = zoo[word]
         else:
-            found |= {name: zoo[name] for name in topics.about(word, zoo)}
+            about = topics.about(word, zoo)
+            first = topics.about(word, {name: _headline(zoo[name]) for name in about})
+            found |= {name: zoo[name] for name in dict.fromkeys([*first, *about])}
     return found
+
+
+def _headline(scene: SceneText) -> SceneText:
+    """What the text of a scene says before its parameters."""
+    return scene._replace(parameters={})
 
 
 def _texts(words: list[str]) -> dict[str, dict[str, str]]:

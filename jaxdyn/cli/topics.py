@@ -41,6 +41,7 @@ _SYNONYMS = {
     "mdof": ("masses in a row", "spring chain"),
     "degree of freedom": ("masses in a row", "spring chain"),
     "suspension": ("masses in a row", "vibration"),
+    "quarter car": ("masses in a row", "vibration"),
     "floquet": ("find an orbit",),
     "shooting": ("find an orbit",),
     "limit cycle": ("find an orbit", "hopf"),

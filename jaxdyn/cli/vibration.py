@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 import jaxdyn
-from jaxdyn._text import brief, fail, second, whole
+from jaxdyn._text import brief, fail, joule, second, whole, with_unit
 from jaxdyn.cli.docstrings import scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
@@ -23,6 +23,9 @@ from jaxdyn.cli.shared import (
     output_option,
 )
 from jaxdyn.files.output_files import table_path
+
+#: Rounds in which the largest receptance is located, and frequencies tried in each after the first.
+_REFINEMENTS, _FINER = 4, 101
 
 NearOption = Annotated[
     str | None,
@@ -118,12 +121,12 @@ def _response(scene: "jaxdyn.Scene", asked: tuple, files: tuple, out: Screen) ->
     ratio = (high / low) ** (1 / (samples - 1))
     omega = [low * ratio**i for i in range(samples)]
     values = jaxdyn.vibration.receptance(scene, given, output, omega)
-    top = int(abs(values).argmax())
     unit = second(scene.labels())
     unit = unit and f"rad/{unit}"
-    peak = f"{brief(float(abs(values[top])))} at {brief(omega[top], unit)}"
+    size, at = _largest(scene, given, output, omega)
+    peak = f"{brief(size)} at {brief(at, unit)}"
     out.print(f"largest receptance of {output} by a force on {given}: {peak}")
-    what = f"{output} / force on {given}"
+    what = with_unit(f"{output} / force on {given}", _unit(scene, given, output))
     if plot:
         with out.writing(plot, "drawn in"):
             jaxdyn.drawing.bode(omega, values, plot, magnitude=what, title=title)
@@ -136,6 +139,35 @@ def _response(scene: "jaxdyn.Scene", asked: tuple, files: tuple, out: Screen) ->
             jaxdyn.files.tables.write_columns(
                 csv, [f"omega [{unit}]" if unit else "omega", what, "phase [rad]"], rows
             )
+
+
+def _largest(
+    scene: "jaxdyn.Scene", given: str, output: str, omega: list[float]
+) -> tuple[float, float]:
+    """The largest receptance between the first and the last frequency, and its frequency.
+
+    Resonances may be narrower than the distance of the samples, so natural frequencies are tried as
+    well; the neighbourhood of the largest value is then sampled again and again.
+    """
+    natural = jaxdyn.vibration.modes(scene).frequencies.tolist()
+    tried = sorted([*omega, *(w for w in natural if omega[0] < w < omega[-1])])
+    best = (0.0, omega[0])
+    for _ in range(_REFINEMENTS):
+        values = jaxdyn.vibration.receptance(scene, given, output, tried)
+        sizes = [abs(x) for x in values.tolist()]
+        top = max(range(len(tried)), key=sizes.__getitem__)
+        best = max(best, (sizes[top], tried[top]))
+        low, high = tried[max(top - 1, 0)], tried[min(top + 1, len(tried) - 1)]
+        tried = [low + (high - low) * i / (_FINER - 1) for i in range(_FINER)]
+    return best
+
+
+def _unit(scene: "jaxdyn.Scene", given: str, output: str) -> str:
+    """The unit of an output over a force on a coordinate; "1" where one is not known."""
+    labels = dict(scene.labels())
+    known = joule(scene.labels()) and scene.has_points  # plain equations have forces per mass
+    force = {"m": "N", "rad": "(N m)"}.get(labels[given]) if known else None
+    return "1" if force is None else f"{labels[output]}/{force}"
 
 
 def _range(within: str | None, scene: "jaxdyn.Scene") -> tuple[float, float]:

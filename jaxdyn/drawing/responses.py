@@ -5,11 +5,14 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from jaxdyn import _checks
-from jaxdyn.drawing.figures import blank, finish, legend_below, legend_entries, shades, style
+from jaxdyn.drawing.figures import INK, blank, finish, legend_below, legend_entries, shades, style
 from jaxdyn.drawing.titles import readable
 from jaxdyn.files.output_files import picture_path
+
+_FEW_DECADES = 300.0  # ratio of frequencies below which ticks between powers of 10 have labels
 
 
 def bode(
@@ -50,10 +53,15 @@ def bode(
         axes[1].semilogx(omega, phases, color=colour, lw=1.6, label=label)
     axes[0].set(ylabel=magnitude)
     axes[1].set(xlabel=frequency, ylabel="phase [deg]")
+    if omega.max() < _FEW_DECADES * omega.min():  # the powers of 10 alone would be too few
+        axes[1].xaxis.set_minor_locator(LogLocator(subs=(2.0, 3.0, 5.0)))
+        axes[1].xaxis.set_major_formatter("{x:g}")
+        axes[1].xaxis.set_minor_formatter("{x:g}")
     axes[1].yaxis.get_major_locator().set_params(steps=[1, 1.8, 4.5, 9, 10])
     axes[0].set_title(readable(title), fontsize=10)
     for ax in axes:
         style(ax)
+        ax.tick_params(which="minor", colors=INK, labelsize=9)
     if names:
         legend_below(figure, legend_entries(*axes))
     return finish(figure, path)

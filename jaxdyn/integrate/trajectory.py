@@ -230,6 +230,11 @@ class Trajectory(Record, Motion):
         return ys[..., i] if _checks.is_traced(ys) else jax.device_put(np.asarray(ys)[..., i])
 
     @property
+    def y1(self) -> Array:
+        """(k,) state at the last sample; (b, k) of a batch."""
+        return self.ys[..., -1, :]
+
+    @property
     def r(self) -> Array:
         """(s, n, d) positions of the material points [m]; (b, s, n, d) of a batch."""
         return _positions(self)

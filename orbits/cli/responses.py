@@ -28,7 +28,7 @@ from jaxdyn.files.output_files import table_path
 from orbits.cli.shared import bounds, numbers
 
 OutputOption = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Entry of the response; the first one.")
+    str | None, typer.Option(metavar="NAME", help="Entry of the state; the driven or first one.")
 ]
 CsvOption = Annotated[Path | None, output_option(table_path, "Write a table of it (.csv).")]
 
@@ -91,7 +91,7 @@ def backbone_command(
     start: NearOption = None,
     output: OutputOption = None,
     members: Annotated[int, typer.Option(help="Largest number of vibrations.")] = 200,
-    step: Annotated[float, number("Length of the first step.")] = 0.1,
+    step: Annotated[float, number("Length of the first step.")] = 0.05,
     plot: PlotOption = None,
     csv: CsvOption = None,
     title: TitleOption = None,
@@ -147,7 +147,7 @@ def _reporter(out: Screen):
 def _print_response(found: "orbits.responses.FrequencyResponse", output, out: Screen) -> None:
     """Print the special points of each curve, and its peak."""
     of = orbits.analysis.quantities.amplitude
-    output = output or found.curves[0].members[0].orbit.scene.labels()[0][0]
+    output = output or found.output
     table = Table("level", "", "frequency", f"amplitude {escape(output)}")
     peaks = found.peaks(output)
     for level, curve, peak in zip(found.levels, found.curves, peaks, strict=True):

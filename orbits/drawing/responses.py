@@ -50,8 +50,8 @@ def frequency_response(
     Args:
       found: result of `orbits.frequency_response`.
       path: file to write, .png, .pdf or .svg.
-      output: the name of an entry of the state, or a function (t, y) -> (); by default the first
-        entry.
+      output: the name of an entry of the state, or a function (t, y) -> (); by default that of the
+        result.
       backbone: result of `orbits.backbone`, drawn through the curves.
       title: its title; the scene by default, "" for none.
     Raises:
@@ -59,7 +59,7 @@ def frequency_response(
     """
     path = picture_path(path)
     scene = found.curves[0].members[0].orbit.scene
-    output, label = _output(output, scene)
+    output, label = _output(output or found.output, scene)
     figure = blank(_WIDTH, 6.0)
     axes: Any = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     kinds: dict[str, Any] = {}

@@ -128,7 +128,7 @@ def backbone(
     amplitude: float | None = None,
     energy: float = math.inf,
     frequencies: tuple[float, float] = ANYWHERE,
-    step: float = 0.1,
+    step: float = 0.05,
     members: int = 200,
     order: int = 1,
     report: Callable[[Member], None] = lambda member: None,

@@ -60,11 +60,14 @@ class FrequencyResponse:
         if a resonance continues beyond the range.
       curves: the families; their parameter is the angular frequency of the forcing [rad/s].
       frequencies: the range in which they were followed.
+      output: the entry of the state that tables and pictures show by default: the driven one, or
+        the first where none is driven.
     """
 
     levels: tuple[float, ...]
     curves: tuple[Family, ...]
     frequencies: tuple[float, float]
+    output: str
 
     @_text.never_raising
     def __repr__(self) -> str:
@@ -103,8 +106,7 @@ class FrequencyResponse:
           ValueError: there is no such output, or it has no value on a curve.
         Limits: its amplitude has ten digits, its frequency five, since the curve is flat there.
         """
-        output = output or self.curves[0].members[0].orbit.scene.labels()[0][0]
-        return tuple(_peak(curve, output) for curve in self.curves)
+        return tuple(_peak(curve, output or self.output) for curve in self.curves)
 
     def table(self, output: Output | None = None) -> Labelled:
         """A row for each response and each special point, in order along each curve.
@@ -113,13 +115,13 @@ class FrequencyResponse:
         verdict, and the kind of special points.
 
         Args:
-          output: the name of an entry of the state, or a function (t, y) -> (); by default the
-            first entry.
+          output: the name of an entry of the state, or a function (t, y) -> (); by default that
+            of the result.
         Raises:
           ValueError: there is no such output.
         """
         labels = dict(self.curves[0].members[0].orbit.scene.labels())
-        output = output or next(iter(labels))
+        output = output or self.output
         rows = [
             (
                 level,
@@ -280,16 +282,17 @@ def frequency_response(
             report=report,
         )
 
+    names = [name for name, _ in scene.labels()]
+    output = drive if isinstance(drive, str) and drive in names else names[0]
     found = []
     for level in many.tolist():
         curves = _curves(forced, level, (low, high), follow)
         if isolas:
-            curves += _isolas(
-                forced, level, _frequencies(curves, (low, high), isolas), curves, follow
-            )
+            at = _frequencies(curves, (low, high), isolas, output)
+            curves += _isolas(forced, level, at, curves, follow)
         found += [(level, curve) for curve in curves]
     of_levels, curves = zip(*found, strict=True)
-    return FrequencyResponse(of_levels, curves, (low, high))
+    return FrequencyResponse(of_levels, curves, (low, high), output)
 
 
 def _curves(
@@ -337,9 +340,10 @@ def _crossings(curve: Family, value: float) -> list[Member]:
 # comes back to the level that is asked for on the isola.
 
 
-def _frequencies(curves: list[Family], ends: tuple[float, float], count: int) -> list[float]:
+def _frequencies(
+    curves: list[Family], ends: tuple[float, float], count: int, output: str
+) -> list[float]:
     """The frequencies at which responses are followed over the level."""
-    output = curves[0].members[0].orbit.scene.labels()[0][0]
     peaks = [_peak(curve, output).parameter for curve in curves]
     inside = [x for x in peaks if not np.isclose(x, ends, rtol=_ROUNDING, atol=0.0).any()]
     return inside + np.linspace(*ends, count + 1)[1:-1].tolist()

@@ -83,6 +83,15 @@ def test_words_of_the_field_find_guides_problems_and_words(jaxdyn, word, shown):
     assert "dumbbell" not in out
 
 
+def test_many_scenes_of_a_word_are_listed_without_their_numbers(jaxdyn):
+    code, out, _ = jaxdyn("list", "mass")
+    assert code == 0
+    assert "jaxdyn list SCENE shows its numbers." in out
+    assert "[m/s]" not in out
+    # First those that are about it, then those that have a parameter of this name.
+    assert out.index("spring_chain") < out.index("cannonball")
+
+
 def test_a_scene_can_be_listed_alone(jaxdyn):
     code, out, _ = jaxdyn("list", "cannonball", "car")
     assert code == 0

@@ -37,10 +37,18 @@ def test_a_response_is_drawn_and_written(vibration, tmp_path):
     assert picture.stat().st_size > 10_000
     with open(table, encoding="utf-8") as file:
         head, *rows = csv.reader(file)
-    assert head == ["omega [rad/s]", "x / force on x", "phase [rad]"]
+    assert head == ["omega [rad/s]", "x / force on x [m/N]", "phase [rad]"]
     omega, size, phase = np.array(rows, float).T
     assert_allclose(omega, np.geomspace(1, 3, 5), rtol=1e-12)
     assert_allclose(size * np.exp(1j * phase), 1 / (4 - omega**2 + 0.4j * omega), rtol=1e-12)
+
+
+def test_the_largest_response_is_that_of_a_narrow_resonance(vibration):
+    words = ("--set", "k=100", "--set", "c=2e-4", "--input", "x", "--samples", 5)
+    code, out, _ = vibration("oscillator", *words)
+    assert code == 0
+    largest = 1 / (2e-4 * np.sqrt(100 - 1e-8))
+    assert f"a force on x: {largest:.6g} at 10 rad/s" in out
 
 
 def test_what_it_refuses(vibration):

@@ -2,9 +2,12 @@
 
 import re
 
+import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
 
-from jaxdyn import IntegrationError, Status, ode, scenes, simulate
+from jaxdyn import IntegrationError, Status, ode, scenes, simulate, solve
 
 ENDS = [
     (lambda: scenes.sideways_pendulum(rate=6.0), r"level of the hinge .* scenes\.sideways_edge"),
@@ -51,3 +54,14 @@ def test_a_motion_of_entries_without_units_that_runs_out_of_steps_says_that_unit
     assert plain.message.endswith("names with one unit: they share a size.")
     named = ode(turn, [1.0, 0.0], 9.0, names=[("x", "m"), ("y", "m")])
     assert simulate(named, max_steps=2, throw=False).message == Status.STEP_LIMIT.message
+
+
+def test_the_last_state_is_that_of_solve():
+    swing = scenes.pendulum()
+    motion = simulate(swing, 1.0, samples=5)
+    np.testing.assert_allclose(motion.y1, solve(swing, 1.0).y1, rtol=0, atol=1e-12)
+    batch = jax.vmap(lambda y: simulate(swing.starting(y), 1.0, samples=5))(
+        jnp.stack([swing.y0, 0.5 * swing.y0])
+    )
+    assert batch.y1.shape == (2, 2)
+    np.testing.assert_allclose(batch.y1[0], motion.y1, rtol=0, atol=1e-12)

@@ -64,3 +64,7 @@ def test_a_bode_plot_has_a_line_for_each_response(tmp_path):
         drawing.bode(-omega, h)
     with pytest.raises(ValueError, match="names: expected 1"):
         drawing.bode(omega, h, names=["a", "b"])
+    few = drawing.bode(np.geomspace(1.0, 20.0, 200), np.ones(200))
+    few.canvas.draw()
+    labels = [tick.get_text() for tick in few.axes[1].get_xticklabels(which="both")]
+    assert {"1", "2", "3", "5", "10", "20"} <= {*labels}

@@ -57,7 +57,7 @@ def test_orbits_side_by_side_have_a_title_above_their_own():
     two = [_orbit(scenes.spring_mass(k=k)) for k in (5.0, 10.0)]
     figure = drawing.orbits(two, titles=["soft", "stiff"])
     (above,) = figure.texts
-    assert above.get_text().startswith("spring_mass (m = 1), spring (length = 0.5, anchor = ")
+    assert above.get_text().startswith("spring_mass (m = 1), spring (length = 0.5), ")
     assert drawing.orbits(two, title="A").texts[0].get_text() == "A"
     assert [ax.get_title() for ax in figure.axes] == ["soft", "stiff"]
 

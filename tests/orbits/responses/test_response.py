@@ -93,6 +93,18 @@ def test_a_linear_scene_responds_by_its_receptance():
 
 
 @pytest.mark.slow
+def test_the_driven_entry_is_shown_by_default():
+    scene = scenes.spring_chain(k=(2.0, 3.0), c=(0.1,))
+    found = orbits.frequency_response(scene, "x2", (0.3, 0.4), members=3)
+    columns, omega = found.table().variables, found.table().variables["frequency"].array
+    known = vibration.receptance(scene, "x2", "x2", np.array(omega))
+    assert_allclose(columns["amplitude"].array, np.abs(known), rtol=1e-9)
+    other = vibration.receptance(scene, "x2", "x1", np.array(omega))
+    assert_allclose(found.table("x1").variables["amplitude"].array, np.abs(other), rtol=1e-9)
+    assert orbits.drawing.frequency_response(found).axes[0].get_ylabel() == "amplitude x2 [m]"
+
+
+@pytest.mark.slow
 def test_a_resonance_far_above_its_drive_is_passed():
     m, k, c = 0.01, 1e6, 0.03  # a damping ratio of 1.5e-4, near 1.6 kHz
 
