@@ -13,7 +13,7 @@ import inspect
 import re
 import sys
 import traceback
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -49,6 +49,15 @@ class Place(NamedTuple):
 def is_in_file(name: str) -> bool:
     """Whether a name is that of a file, or of a function in one."""
     return name.endswith(TEXT) or _NAME.fullmatch(name) is not None
+
+
+def choose(name: str, known: Iterable[str]) -> str:
+    """The name; raises unless it is among those of ready-made scenes, and suggests the nearest."""
+    if re.search(r"[./]", name):
+        wanted = "one that `jaxdyn list` shows, FILE.py:NAME or FILE.ode"
+        remedy = "jaxdyn.read_bodies reads tables of bodies, `orbits show` saved orbits."
+        raise fail("scene", wanted, repr(name), remedy)
+    return choice("scene", name, known, "jaxdyn list")
 
 
 def text_of(name: str) -> str | None:

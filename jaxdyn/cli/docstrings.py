@@ -125,7 +125,7 @@ def scene_settings(name: str, texts: Iterable[str] | None) -> dict[str, str]:
     if _scene_files.is_in_file(name):
         return {parameter_name(f"parameter of {name}", key, name): found[key] for key in found}
     zoo = scenes()
-    known = zoo[choice("scene", name, zoo, "jaxdyn list")].parameters
+    known = zoo[_scene_files.choose(name, zoo)].parameters
     for key, text in found.items():
         choice(f"parameter of {name}", key, known)
         setting(key, text, known[key].default)

@@ -59,7 +59,7 @@ def in_options(
         name = option or _NO_OPTIONS.get(found["name"], found["name"])
         message = f"{name}{message[found.end('name') :]}"
     stated, *advice = _SENTENCE.split(message)
-    spoken = [_spoken(sentence, options, parameters) for sentence in advice]
+    spoken = [x if _OF_SCENES.search(x) else _spoken(x, options, parameters) for x in advice]
     return " ".join([stated, *(x for x in spoken if not _is_for_programs(x))])
 
 

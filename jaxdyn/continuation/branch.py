@@ -521,7 +521,7 @@ def changes_sign(left: float, right: float, first: bool = False) -> bool:
 
 def check_bounds(name: str, bounds: Sequence) -> None:
     """Raise ValueError unless these are two bounds, the lower one first."""
-    if not (len(bounds) == 2 and bounds[0] < bounds[1]):
+    if not (np.shape(bounds) == (2,) and bounds[0] < bounds[1]):
         raise fail(name, "two bounds, the lower one first", bounds)
 
 

@@ -35,7 +35,7 @@ _PIECES = 12
 
 @check_first
 def equilibria(
-    families: Sequence[EquilibriumFamily],
+    families: EquilibriumFamily | Sequence[EquilibriumFamily],
     path=None,
     *,
     entry: str | None = None,
@@ -48,7 +48,7 @@ def equilibria(
     changes without a special point, are dotted. Special points are marked.
 
     Args:
-      families: results of `continue_equilibria` and `switch_branch` for one scene.
+      families: results of `continue_equilibria` and `switch_branch` for one scene, or one of them.
       path: file to write, .png, .pdf or .svg.
       entry: name of the entry; by default the one that changes most.
       parameter: name of the parameter.
@@ -57,6 +57,7 @@ def equilibria(
       ValueError: `path` cannot be written, there is no family, or no such entry.
     """
     path = picture_path(path)
+    families = [families] if isinstance(families, EquilibriumFamily) else families
     if not families:
         raise _checks.fail("families", "at least one", "none")
     index, label = entry_of(families, entry)
@@ -88,6 +89,9 @@ def bifurcation_curves(curves: Sequence, path=None, *, title: str | None = None)
       ValueError: `path` cannot be written, or there is no curve.
     """
     path = picture_path(path)
+    if not isinstance(curves, list | tuple):
+        wanted = "a list of results of continue_curve"
+        raise _checks.fail("curves", wanted, type(curves).__name__, "Write [curve].")
     if not curves:
         raise _checks.fail("curves", "at least one", "none")
     figure = blank(6.8, 4.6)

@@ -19,7 +19,7 @@ from jaxdyn._units import conversion, measure
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 
-TIME = "t"
+TIME, _LONG = "t", "time"  # names of the column of times
 _NO_NUMBERS = "bcmM"  # kinds of arrays that NumPy would convert: bool, complex, durations, dates
 _AXES = "xyz"
 _NO_UNIT = "1"
@@ -125,6 +125,8 @@ def read_measurements(data: Any, columns: Any = None) -> Measured:
     if not (isinstance(data, Mapping) or hasattr(data, "columns")):
         raise _checks.fail("data", "columns by name", type(data).__name__, _REMEDY)
     given = {str(name): data[name] for name in data}
+    if TIME not in given and _LONG in given:
+        given = {TIME if name == _LONG else name: x for name, x in given.items()}
     if TIME not in given:
         raise _checks.fail("data", "a column 't' with the times", sorted(given), _REMEDY)
     if columns is None:

@@ -86,7 +86,7 @@ def entry(name: str) -> Entry:
         make = _scene_files.load(name)
         return Entry(name, _check_maker(name, make), _scene_files.defaults(make))
     zoo = entries()
-    return zoo[_checks.choice("scene", name, zoo, "jaxdyn list")]
+    return zoo[_scene_files.choose(name, zoo)]
 
 
 def _check_maker(name: str, make: Callable[..., Any]) -> Callable[..., Scene]:

@@ -99,6 +99,8 @@ class Basins:
         said.append(f"none within {self._time}")
         for text, share, bar in zip(said, self.fractions, self.bars, strict=True):
             rows.append((f"{100 * share:.2f} +- {100 * bar:.2f} %", text))
+        if self.fractions[-1] > 0 and self.scene is not None:
+            rows.append(("", "rounds= lets those that reach none run longer"))
         shape = " x ".join(map(str, self.labels.shape))
         head = f"Basins of {self.title}, {shape} starts in {', '.join(self.names)}"
         return _text.table(head, rows)

@@ -61,6 +61,8 @@ def family(
     """
     path, of_orbit = picture_path(path), named_quantity(quantity)
     if isinstance(listed, Family):
+        if parameter is not None and parameter_name(listed) is None:
+            raise fail("parameter", "none for a family in energy", repr(parameter))
         listed = listing(listed, parameter or parameter_name(listed))
     if listed.parameter is None and math.isnan(listed.members[0].energy):
         raise fail("listed", "a family with a parameter or an energy", "one without both")

@@ -23,7 +23,14 @@ import numpy as np
 from jaxdyn._checks import check_first, check_on_host, fail, positive, whole
 from jaxdyn._records import with_captures
 from jaxdyn._text import flag, number_of
-from jaxdyn.continuation.branch import ANYWHERE, Bounded, BranchProblem, check_bounds, follow
+from jaxdyn.continuation.branch import (
+    ANYWHERE,
+    Bounded,
+    BranchProblem,
+    check_bounds,
+    follow,
+    inside,
+)
 from jaxdyn.continuation.checkpoint import Codec, Log
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.scene import Scene
@@ -189,6 +196,10 @@ def continue_family(
     if down is not None:
         flag("down", down)
     value = 0.0 if parameter is None else float(parameter)
+    number, what = (orbit.period, "period") if parameter is None else (value, "parameter")
+    if not inside(number, within):
+        wanted = f"bounds around the {what} of the orbit, {number:.6g}"
+        raise fail("within", wanted, tuple(within))
     if isinstance(orbit, HybridOrbit):
         _check_chain(make, energies=energies != ANYWHERE, hold=hold, segments=segments)
         chain = ChainEquations.of(orbit, make)

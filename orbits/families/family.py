@@ -145,7 +145,10 @@ class Family:
             of_orbit, scene = quantity(one), self.members[0].orbit.scene
             values = [float(of_orbit(member.orbit)) for member in self.members]
             known = unit(one, scene) if isinstance(one, str) else ""
-            further[label(one)] = Values(("member",), values, known)
+            name = label(one)
+            if name in further:
+                raise fail("quantities", "functions of different names", f"{name} twice")
+            further[name] = Values(("member",), values, known)
         labels, axes = self.members[0].orbit.scene.labels(), ("member",)
         time = second(labels)
         verdicts = [member.stability.verdict for member in self.members]

@@ -155,7 +155,7 @@ def design(
       (0.874143129, 2.0)
     """
     check_on_host("design", guess, "Call it outside jit, grad and vmap.")
-    numbers = np.asarray(array("guess", guess, (None,)))
+    numbers = np.asarray(array("guess", guess, (None,), "For one number write [10.0]."))
     low, high = bounds(lower, upper, numbers)
     steps = whole("steps", steps)
     positive("goal", goal)

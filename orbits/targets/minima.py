@@ -129,7 +129,7 @@ def minimise(
       0.288675
     """
     check_on_host("minimise", guess, "Call it outside jit, grad and vmap.")
-    numbers = np.asarray(array("guess", guess, (None,)))
+    numbers = np.asarray(array("guess", guess, (None,), "For one number write [10.0]."))
     low, high = bounds(lower, upper, numbers)
     steps = whole("steps", steps)
     positive("goal", goal)

@@ -7,6 +7,7 @@ from jaxdyn.cli.messages import in_options, settings_of
 
 OPTIONS = [
     "--start",
+    "--energy",
     "--within",
     "--column",
     "--solver",

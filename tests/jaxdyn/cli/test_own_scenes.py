@@ -279,3 +279,9 @@ def test_a_scene_has_the_name_of_its_function_unless_it_has_its_own(folder):
         for file, maker in (("mine", "roessler"), ("plain", "fall"), ("named", "fall"))
     ]
     assert [scene.name for scene in made] == ["roessler", "fall", "my decay"]
+
+
+@pytest.mark.parametrize("name", ["planets.txt", "vdp.od", "orbits/eight.json"])
+def test_a_file_of_another_kind_is_recognised(name):
+    with pytest.raises(ValueError, match=r"FILE\.py:NAME or FILE\.ode, got .*read_bodies"):
+        entry(name)

@@ -150,6 +150,10 @@ def test_wrong_arguments_are_refused():
         drawing.bifurcation_curves([])
     with pytest.raises(ValueError, match="entry"):
         drawing.equilibria([family], entry="z")
+    one, several = drawing.equilibria(family), drawing.equilibria([family])
+    assert len(one.axes[0].lines) == len(several.axes[0].lines) > 0
+    with pytest.raises(ValueError, match=r"curves: expected a list .* Write \[curve\]\."):
+        drawing.bifurcation_curves(family)
 
 
 def test_a_curve_ends_where_the_rate_does():

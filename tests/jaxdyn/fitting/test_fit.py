@@ -15,7 +15,7 @@ from benchmarks import coverage
 from jaxdyn import scenes
 from jaxdyn._units import measure
 from jaxdyn.files.tables import Columns
-from jaxdyn.fitting import FitError, FitStatus, fit, multiple_shooting
+from jaxdyn.fitting import FitError, FitStatus, fit, measurements, multiple_shooting
 
 TS = np.linspace(0.0, 6.0, 60)
 
@@ -476,3 +476,10 @@ def test_a_profile_does_not_need_the_first_parameter():
     assert np.isnan(found.params["a"])  # only a b is known
     profile = found.profile("c", 7)
     assert profile.low < 0.7 < profile.high < profile.low + 0.02
+
+
+def test_times_may_be_called_time(track):
+    named = {"time": track["t"], "x": track["x"]}
+    read = measurements.read_measurements(named)
+    assert read.names == ("x",)
+    assert (read.ts == track["t"]).all()

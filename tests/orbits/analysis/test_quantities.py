@@ -83,6 +83,10 @@ def test_a_family_is_drawn_by_a_quantity():
     assert first.get_ydata()[0] == 2 * swing.period
     with pytest.raises(ValueError, match="entry: expected one of theta, theta_dot, got 'x'"):
         orbits.drawing.family(family, quantity="max x")
+    with pytest.raises(ValueError, match="parameter: expected none for a family in energy"):
+        orbits.drawing.family(family, parameter="period")
+    with pytest.raises(ValueError, match="functions of different names, got lambda twice"):
+        family.to_pandas(lambda orbit: 1.0, lambda orbit: 2.0)
 
 
 def test_the_command_refuses_a_quantity_before_it_follows_the_family(command, tmp_path):

@@ -233,6 +233,7 @@ def test_orbits_of_a_conservative_scene_attract_nothing():
     assert found.attractors == ()
     assert found.labels.tolist() == [-1, -1]
     assert "none within 20 s" in repr(found)
+    assert "rounds= lets those that reach none run longer" in repr(found)
 
 
 def test_a_map_that_keeps_areas_has_no_attractor():

@@ -247,3 +247,11 @@ def test_where_the_motion_fails_collocation_is_named():
     assert 0.4 < found.members[-1].parameter < 0.5
     assert found.end.startswith("no orbit was found beyond: the motion does not last a period")
     assert found.end.endswith("strategy=orbits.Collocation() the family may go further")
+
+
+def test_bounds_are_around_the_first_orbit():
+    swing = orbits.find(scenes.pendulum(angle=2.0), period=2.7)
+    with pytest.raises(ValueError, match=r"within: expected bounds around the period of the orbit"):
+        orbits.continue_family(swing, within=(0.1, 0.2))
+    with pytest.raises(ValueError, match="within: expected two bounds, the lower one first"):
+        orbits.continue_family(swing, within=9.0)  # pyright: ignore[reportArgumentType]

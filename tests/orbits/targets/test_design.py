@@ -495,6 +495,8 @@ def test_a_chain_takes_no_conditions():
 
 
 def test_misuse(swing, hopf):
+    with pytest.raises(ValueError, match=r"guess: expected .* For one number write \[10\.0\]\."):
+        design(pendulum, period_of, 1.0, swing)
     with pytest.raises(ValueError, match="guess: expected within its bounds"):
         design(pendulum, period_of, [1.0], swing, upper=0.5)
     with pytest.raises(ValueError, match="near: expected an orbit, or a special point of a family"):
