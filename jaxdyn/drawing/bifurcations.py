@@ -78,7 +78,8 @@ def equilibria(
 def bifurcation_curves(curves: Sequence, path=None, *, title: str | None = None) -> Figure:
     """A picture of curves of bifurcations in the plane of their parameters.
 
-    Curves of subcritical Hopf points are dashed; points of codimension two are marked.
+    Curves of subcritical Hopf points are dashed, dotted where it is not known whether they are;
+    points of codimension two are marked.
 
     Args:
       curves: results of `jaxdyn.continue_curve` and `orbits.continue_curve`, for one scene and the
@@ -104,7 +105,8 @@ def bifurcation_curves(curves: Sequence, path=None, *, title: str | None = None)
         lines = smooth(ax, [[x.parameters for x in points] for _, points in found])
         for (which, _), line in zip(found, lines, strict=True):
             label = " ".join(filter(None, (which, curve.kind)))
-            dashes = _SUBCRITICAL if which == "subcritical" else "-"
+            unknown = not which and len(found) > 1
+            dashes = _SUBCRITICAL if which == "subcritical" else ":" if unknown else "-"
             ax.plot(*line.T, color=colour, lw=1.8, ls=dashes, label=label)
     special = [point for curve in curves for point in curve.special]
     marks = dict.fromkeys(str(point.kind) for point in special)
