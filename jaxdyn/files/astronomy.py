@@ -172,7 +172,7 @@ def read_bodies(path: str | Path, *, units: Sequence[str] = (), G=None, t1=1.0) 
         raise fail("path", _BODIES, came, f"Of these {missing[0]} is missing.")
     found = {name: _in_units(table, named[name], units, powers) for name, powers in wanted.items()}
     m = found[masses]
-    return n_body(
+    scene = n_body(
         np.stack([found[x] for x in axes], axis=1),
         np.stack([found[f"v{x}"] for x in axes], axis=1),
         m=m / strength if masses == "gm" else m,
@@ -181,6 +181,8 @@ def read_bodies(path: str | Path, *, units: Sequence[str] = (), G=None, t1=1.0) 
         t1=t1,
         units=units,
     )
+    scene.check()  # here the file is known, to which a message belongs
+    return scene
 
 
 def _in_units(

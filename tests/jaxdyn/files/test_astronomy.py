@@ -211,3 +211,10 @@ def test_what_is_no_simulation_is_refused(monkeypatch):
     assert "PairGravity alone" in refusal(lambda: astronomy.to_rebound(scenes.pendulum()))
     monkeypatch.setitem(sys.modules, "rebound", None)
     assert "jaxdyn[rebound]" in refusal(lambda: astronomy.to_rebound(scenes.three_body()))
+
+
+def test_bodies_of_one_name_are_refused_where_they_are_read(tmp_path):
+    path = tmp_path / "twins.txt"
+    path.write_text("name m x y vx vy\nSun 1 0 0 0 0\nSun 1 1 0 0 1\n")
+    with pytest.raises(ValueError, match="names: expected 2 different ones"):
+        jaxdyn.read_bodies(path, G=1.0)
