@@ -32,7 +32,7 @@ def list_command(
         bool, typer.Option("--problems", help="The problems of the course, with their answers.")
     ] = False,
 ) -> None:
-    """List scenes with their parameters and units; with a word, also guides and problems."""
+    """List scenes with their parameters and units; with a word, also guides, commands and problems."""
     if problems and names:
         raise fail("--problems", "no scene beside it", names[0], "It lists problems.")
     out = Screen(as_object)
@@ -83,8 +83,9 @@ def _texts(words: list[str]) -> dict[str, dict[str, str]]:
     """The texts of each kind about words that are not names of scenes, by a heading."""
     zoo = scenes()
     asked = [word for word in words if word not in zoo and not _scene_files.is_in_file(word)]
-    found = {"guide of the site": {}, "problem": {}, "word": {}}
+    found = {"guide of the site": {}, "command": {}, "problem": {}, "word": {}}
     for word in asked:
+        found["command"] |= topics.commands(word)
         found["guide of the site"] |= topics.guides(word)
         found["problem"] |= {f"jaxdyn course {n}": x for n, x in topics.problems(word).items()}
         found["word"] |= topics.meanings(word)

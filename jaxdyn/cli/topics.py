@@ -1,4 +1,4 @@
-"""Search by a word: scenes, guides, problems of the course, entries of the glossary.
+"""Search by a word: scenes, guides, commands, problems of the course, entries of the glossary.
 
 All are searched as text, before JAX is loaded. Terms of the field that the texts do not use are
 mapped to those that they do.
@@ -38,6 +38,7 @@ _SYNONYMS = {
     "resonance": ("vibration", "frequency response", "force f cos", "driven"),
     "flutter": ("vibration", "hopf"),
     "vibration": ("oscillator", "masses in a row", "spring chain"),
+    "target": ("launch angle", "cannonball"),
     "mdof": ("masses in a row", "spring chain"),
     "degree of freedom": ("masses in a row", "spring chain"),
     "suspension": ("masses in a row", "vibration"),
@@ -68,6 +69,7 @@ _SYNONYMS = {
 }
 
 _GUIDES = Path(__file__).parents[1] / "gallery" / "guides"
+_COMMAND = re.compile(r'^def (\w+)_command\(.*?\n    """([^"\n]+)', re.MULTILINE | re.DOTALL)
 _LINES = 3  # a guide that has the word in this many lines is about it
 
 
@@ -90,6 +92,23 @@ def guides(word: str, times: int = _LINES) -> dict[str, str]:
         if _is_in(word, headings) or sum(_is_in(word, line, ()) for line in lines) >= times:
             found[path.name] = lines[0].removeprefix("# ")
     return found
+
+
+def commands(word: str) -> dict[str, str]:
+    """What commands do whose name or description contains a word."""
+    return {name: does for name, does in _commands() if _is_in(word, f"{name}: {does}")}
+
+
+@cache
+def _commands() -> tuple[tuple[str, str], ...]:
+    """The commands with their descriptions, from the text of the files in which they are."""
+    root = Path(__file__).parents[2]
+    return tuple(
+        (f"{package} {name.replace('_', '-')}", does.rstrip("."))
+        for package in ("jaxdyn", "orbits")
+        for path in sorted((root / package / "cli").rglob("*.py"))
+        for name, does in _COMMAND.findall(path.read_text(encoding="utf-8"))
+    )
 
 
 def problems(word: str) -> dict[int, str]:

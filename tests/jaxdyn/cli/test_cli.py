@@ -73,6 +73,9 @@ def test_words_of_the_field_find_scenes(jaxdyn):
         ("machine learning", "28_neural_terms.md"),
         ("vibrations", "spring_chain"),
         ("MDOF", "spring_chain"),
+        ("aim", "orbits aim"),
+        ("targets", "orbits aim"),
+        ("nonlinear normal mode", "orbits backbone"),
         ("suspension", "23_vibrations.md"),
     ],
 )
