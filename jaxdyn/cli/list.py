@@ -32,7 +32,7 @@ def list_command(
         bool, typer.Option("--problems", help="The problems of the course, with their answers.")
     ] = False,
 ) -> None:
-    """List scenes with their parameters and units; with a word, also guides, commands and problems."""
+    """List scenes with their parameters; with a word, also guides, commands and problems."""
     if problems and names:
         raise fail("--problems", "no scene beside it", names[0], "It lists problems.")
     out = Screen(as_object)

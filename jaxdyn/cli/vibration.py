@@ -65,6 +65,9 @@ def vibration_command(
         raise fail("--input", "a coordinate", "none", "It says where the force acts.")
     with screen(f"linearising {name}", as_object) as out:
         scene = jaxdyn.scenes.catalogue.build(name, scene_settings(name, settings))
+        if jaxdyn.plan.plan_of(scene.field, len(scene.y0)).depends_on_time:
+            wanted, remedy = "one that does not depend on time", "`orbits find` finds its motions."
+            raise fail("scene", wanted, name, remedy)
         scene = at_equilibrium(scene, start)
         found = jaxdyn.vibration.modes(scene)
         if as_object:

@@ -56,3 +56,6 @@ def test_what_it_refuses(vibration):
     assert "two frequencies > 0" in vibration("oscillator", "--input", "x", "--within", "2,1")[2]
     assert "error: --input: expected" in vibration("oscillator", "--input", "z")[2]
     assert "a state near an equilibrium" in vibration("cannonball")[2]
+    code, _, said = vibration("shaken_pendulum")
+    assert code == 2
+    assert "scene: expected one that does not depend on time, got shaken_pendulum" in said
