@@ -123,6 +123,8 @@ def train(
     Raises:
       ValueError: an entry of the state has no column, no row is complete, or an argument is out of
         range; see also `fit`.
+    Limits: optimisers such as Adam change each number by about their learning rate in a step, so
+      numbers should be of order one: write a stiffness near 300 N/m as 300 times a parameter.
     Example:
       >>> import jaxdyn
       >>> from jaxdyn import scenes

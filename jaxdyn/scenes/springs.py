@@ -6,6 +6,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._checks import as_float
+from jaxdyn._text import number_of
 from jaxdyn.effects import (
     CubicSpring,
     Damper,
@@ -279,10 +280,10 @@ def spring_chain(
     n = len(m)
     if n == 0:
         raise _checks.fail("m", "at least one mass", "none")
-    x, v = (_for_each(name, one, n, n) for name, one in (("x", x), ("v", v)))
-    springs = max([n, *(np.shape(one)[0] for one in (k, c, cubic) if np.ndim(one))])
-    coefficients = (("k", k), ("c", c), ("cubic", cubic))
-    k, c, cubic = (_for_each(name, one, n, springs) for name, one in coefficients)
+    x, v = (_for_each(name, _entries(one), n, n) for name, one in (("x", x), ("v", v)))
+    given = {"k": _entries(k), "c": _entries(c), "cubic": _entries(cubic)}
+    springs = max(n, *map(len, given.values()))
+    k, c, cubic = (_for_each(name, one, n, springs) for name, one in given.items())
     # Each spring joins a mass to the one before; the first and the last may join one to a wall.
     ends = [(0, None), *((i, i - 1) for i in range(1, n)), (n - 1, None)][:springs]
     at, moving = ([one] + [0.0] * (springs - 1) for one in (wall, wall_velocity))
@@ -298,12 +299,22 @@ def spring_chain(
     return Scene(system, tuple(effects), y0=as_float([*x, *v]), t1=t1)
 
 
-def _for_each(name: str, x, n: int, count: int) -> list:
-    """A number for each of `count` masses or springs of a chain of n, given for each or for all."""
+def _entries(x) -> list:
+    """The numbers that are given for each, or the one for all; those of a tuple stay as they are.
+
+    So a zero beside a traced number, as in (k, 0.0), still leaves its effect out.
+    """
+    if isinstance(x, list | tuple):
+        return list(x)
     x = as_float(x)
-    if x.ndim > 1 or x.size not in (1, count) or count > n + 1:
+    x = x if _checks.is_traced(x) else np.asarray(x)  # entries of a device array take time
+    return list(x) if x.ndim else [x]
+
+
+def _for_each(name: str, given: list, n: int, count: int) -> list:
+    """A number for each of `count` masses or springs of a chain of n, given for each or for all."""
+    if len(given) not in (1, count) or count > n + 1:
         wanted = f"{n} or {n + 1}" if count > n + 1 else count
         each = f"{wanted}, one for each {'mass' if name in ('x', 'v') else 'spring'}"
-        raise _checks.fail(name, f"one number, or {each}", f"an array of shape {x.shape}")
-    x = x if _checks.is_traced(x) else np.asarray(x)  # entries of a device array take time
-    return count * [x.reshape(())] if x.size == 1 else list(x)
+        raise _checks.fail(name, f"one number, or {each}", number_of(len(given), "number"))
+    return given * count if len(given) == 1 else given

@@ -253,6 +253,10 @@ def test_a_chain_gives_one_number_to_all_and_leaves_out_what_is_zero():
     assert kinds == [Spring, CubicSpring, Damper]
     slope = jax.grad(lambda k: spring_chain(k=k).rate(0.0, jnp.ones(4))[2])(jnp.ones(2))
     assert slope.tolist() == [-1.0, 0.0]
+    one = jax.grad(lambda k: spring_chain(k=(k, 3.0)).rate(0.0, jnp.ones(4))[2])(1.0)
+    assert one == -1.0
+    beside = jax.eval_shape(lambda k: spring_chain(k=(k, 0.0), x=(k, 0.0)), 1.0)
+    assert [type(e) for e in beside.effects] == [Spring]
 
 
 @pytest.mark.parametrize(
@@ -264,6 +268,8 @@ def test_a_chain_gives_one_number_to_all_and_leaves_out_what_is_zero():
         ({"m": ()}, "m: expected at least one mass, got none"),
         ({"m": (1.0, -2.0)}, "mass: expected"),
         ({"cubic": float("nan")}, "beta: expected"),
+        ({"k": ((1.0, 2.0),)}, "k: expected"),
+        ({"x": ()}, "x: expected one number, or 2, one for each mass, got 0 numbers"),
     ],
 )
 def test_numbers_that_make_no_chain_are_refused(numbers, said):
