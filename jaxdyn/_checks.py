@@ -340,7 +340,8 @@ def check_kind(name: str, x: Any, kinds: tuple[type, ...], of: tuple[type, ...] 
         for i, one in enumerate(x):
             check_kind(f"{name}[{i}]", one, of)
         return
-    wanted = " or ".join(f"{_article(kind)} {kind.__name__}" for kind in kinds or of)
+    *others, last = (f"{_article(kind)} {kind.__name__}" for kind in kinds or of)
+    wanted = f"{', '.join(others)} or {last}" if others else last
     called = getattr(x, "__name__", None) if callable(x) else None
     if called:
         needs = "..." if _needs_arguments(x) else ""

@@ -246,8 +246,8 @@ PASS_AS_PARAMS = (
     "Pass them as params: a function is compiled once, with the values it captured then."
 )
 _FOLLOW_OUTSIDE = (
-    "Call it outside of jit, grad and vmap: orbits.differentiable and "
-    "jaxdyn.continuation.differentiable give derivatives of what it finds."
+    "Call it outside of jit, grad and vmap: orbits.differentiable has the derivatives of what it "
+    "finds."
 )
 _MAKE_AGAIN = (
     "Make the scene or the event again, or pass what changes as params; of a class, as a field."

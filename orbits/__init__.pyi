@@ -22,7 +22,6 @@ from .analysis.monodromy import monodromy as monodromy
 from .analysis.report import report as report
 from .analysis.same import minimal_period as minimal_period
 from .analysis.same import same_orbit as same_orbit
-from .analysis.sensitivity import differentiable as differentiable
 from .analysis.stability import Stability as Stability
 from .analysis.stability import stability as stability
 from .closing.closings import PLAIN as PLAIN
@@ -74,6 +73,7 @@ from .shooting.deflation import Deflated as Deflated
 from .shooting.descent import Descent as Descent
 from .shooting.finding import find as find
 from .shooting.multiple import Shooting as Shooting
+from .targets.derivatives import differentiable as differentiable
 from .targets.designs import design as design
 from .targets.minima import minimise as minimise
 from .tori.continuation import continue_tori as continue_tori

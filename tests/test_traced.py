@@ -11,7 +11,7 @@ import pytest
 
 import jaxdyn
 import orbits
-from jaxdyn import chaos, continuation, drawing, ensemble, player, scenes, symbolic, vibration
+from jaxdyn import chaos, drawing, ensemble, player, scenes, symbolic, vibration
 from jaxdyn.analysis.free_body import free_body
 from jaxdyn.continuation import EquilibriumFamily
 from orbits import Orbit, Outcome
@@ -113,7 +113,5 @@ def test_a_family_that_captured_a_traced_number_says_what_has_derivatives():
         ValueError, match=r"captured values that are traced.*differentiable"
     ) as raised:
         jax.grad(fold)(1.0)
-    for name in ("orbits.differentiable", "jaxdyn.continuation.differentiable"):
-        assert name in str(raised.value)
+    assert "orbits.differentiable" in str(raised.value)
     assert callable(orbits.differentiable)
-    assert callable(continuation.differentiable)

@@ -105,7 +105,7 @@ def continue_equilibria(
       [('Hopf point', 'subcritical', 24.736842)]
     """
     numbers = (parameter, start)
-    _checks.check_on_host("continue_equilibria", numbers, "See jaxdyn.continuation.differentiable.")
+    _checks.check_on_host("continue_equilibria", numbers, "See orbits.differentiable.")
     _checks.float64()
     _checks.positive(
         "step", step, "It is a length in state and parameter, in units of their sizes."

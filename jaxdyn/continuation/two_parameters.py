@@ -91,7 +91,7 @@ def continue_curve(
       >>> [str(x.kind) for x in curve.special]  # at p = q = 0
       ['cusp']
     """
-    _checks.check_on_host("continue_curve", parameters, "See jaxdyn.continuation.differentiable.")
+    _checks.check_on_host("continue_curve", parameters, "See orbits.differentiable.")
     _checks.float64()
     _checks.positive(
         "step", step, "It is a length in state and parameters, in units of their sizes."

@@ -4,8 +4,8 @@
 `jaxdyn/analysis/eigenvalues.py` decide what is stable; `chain` has the return map of a chain of
 legs; `pieces` splits the period of either into smooth pieces. `identity` has the invariants of an
 orbit, `same` and `alignment` compare two orbits, `words` describes their topology; `sensitivity`
-makes an orbit differentiable in the parameters of its scene; `evidence` has independent checks and
-the digits that they confirm, `report` all of it as a record; `quantities` has numbers by which
+has the derivatives of an orbit by the parameters of its scene; `evidence` has independent checks
+and the digits that they confirm, `report` all of it as a record; `quantities` has numbers by which
 families are drawn.
 
 May import: `shooting`, `hybrid`.

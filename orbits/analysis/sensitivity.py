@@ -14,7 +14,7 @@ Multipliers are differentiated as simple eigenvalues, d lambda = w dM v / (w v).
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple, overload
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -167,45 +167,11 @@ class DifferentiableChain(eqx.Module):
         return differentiable_return_map(self.legs, self.y0, self.spans, self.known)
 
 
-@overload
-def differentiable(scene: Scene, orbit: Orbit, *, hold: Hold = ()) -> DifferentiableOrbit: ...
-@overload
-def differentiable(
-    scene: Sequence[Leg] | Mapping[str, Phase], orbit: HybridOrbit
-) -> DifferentiableChain: ...
 @check_first
-def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *, hold: Hold = ()):
-    """The orbit of a scene near a known one, for `jax.grad`, `jax.jvp` and so on.
-
-    Args:
-      scene: the scene with the numbers to differentiate by: the orbit's own, or a traced copy of
-        it. For a chain of legs, the legs or the phases from which it was found.
-      orbit: what `find` or `find_hybrid` returned.
-      hold: conditions, as for `find`; they select an orbit of a family. Chains take none. The
-        name of an entry stands for the orbit's value; if that is the value at the start of the
-        scene, there are derivatives by the latter.
-    Returns:
-      The orbit's numbers, equal to those found, with their first derivatives with respect to every
-      number of the scene (and of the conditions).
-    Raises:
-      ValueError: `orbit` does not close, or not with the numbers of the scene or the conditions;
-        legs are given with an orbit, or a scene or conditions with a chain; a condition is traced
-        by `jax.jit` or `jax.vmap`.
-    Limits: first derivatives only; further ones are NaN. Under `jax.jit` and `jax.vmap` only
-      numbers of the scene may be traced: not `orbit`, and no numbers of conditions.
-      Where numbers are traced, and are not those with which the orbit was found, all results are
-      NaN: find it again, outside of the transformation. Derivatives are accurate to rounding times
-      the growth of errors over the orbit: that of the figure-eight's period by a mass to 1e-11,
-      compared with differences of order 6.
-    Example:
-      >>> import equinox as eqx, orbits
-      >>> from jaxdyn import scenes
-      >>> swing = orbits.find(scenes.oscillator(k=4.0), [1.0, 0.0], 3.0)
-      >>> def period(scene):
-      ...     return orbits.differentiable(scene, swing, hold=orbits.Energy(2.0)).period
-      >>> round(float(eqx.filter_grad(period)(swing.scene).system.m[0]), 9)  # T = pi sqrt(m)
-      1.570796327
-    """
+def differentiable_orbit(
+    scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit: Orbit | HybridOrbit, hold: Hold
+) -> Any:
+    """An orbit or a chain of legs with its derivatives; see `orbits.differentiable`."""
     check_kind("orbit", orbit, (Orbit, HybridOrbit))
     if not orbit.ok:
         raise fail("orbit", "an orbit that closes", orbit.message, "find() one first.")

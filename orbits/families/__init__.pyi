@@ -8,4 +8,3 @@ from .diagram import load as load
 from .family import Family as Family
 from .graph import Graph as Graph
 from .special_orbits import SpecialOrbit as SpecialOrbit
-from .special_orbits import special_parameter as special_parameter

@@ -20,7 +20,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn.continuation.kinds import Kind
-from orbits.analysis.sensitivity import Posed, differentiable, pose
+from orbits.analysis.sensitivity import Posed, differentiable_orbit, pose
 from orbits.closing.closings import Hold
 from orbits.families.folds import FoldDirection, direction_at
 from orbits.families.special_orbits import (
@@ -112,7 +112,7 @@ def _ahead(here: SpecialOrbit, path: Path, step: float) -> tuple[np.ndarray, flo
 
     def orbit(p: Array) -> tuple[Array, Array]:
         scene, held = path(p)
-        found = differentiable(scene, here.orbit, hold=held)
+        found = differentiable_orbit(scene, here.orbit, held)
         return found.y0, found.period
 
     at = (jnp.asarray(here.parameter),)

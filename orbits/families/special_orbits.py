@@ -33,7 +33,7 @@ from jaxdyn.continuation.kinds import Kind
 from orbits.analysis.sensitivity import (
     DifferentiableOrbit,
     Posed,
-    differentiable,
+    differentiable_orbit,
     pose,
     residual,
 )
@@ -78,7 +78,9 @@ class SpecialOrbit:
         if not isinstance(member, Member) or member.kind not in _KINDS:
             what = "a fold, branch point, period doubling or torus point"
             got = getattr(member, "kind", type(member).__name__) or "an ordinary orbit"
-            raise fail("point", what, got, "Choose one of family.special.")
+            raise fail(
+                "point", what, got, "Choose one of family.special, or pass the member's .orbit."
+            )
         orbit = smooth_orbit("point", member.orbit)
         value = member.energy if math.isnan(member.parameter) else member.parameter
         return cls(member.kind, orbit, value)
@@ -113,77 +115,6 @@ def path_of(orbit: Orbit, make: Make | Scene, hold: Hold) -> Callable[[Array], P
     return lambda parameter: Place(scene_of(orbit.scene, make, parameter), held)
 
 
-@check_first
-def special_parameter(
-    point: Member | SpecialOrbit, make: Make | Scene, *, hold: Hold = ()
-) -> Array:
-    """The parameter () at which a special orbit lies, for `jax.grad`, `jax.jvp` and so on.
-
-    ``orbits.differentiable(make(p), point.orbit)`` with this parameter p is the orbit itself, if it
-    is not at a fold, where `differentiable_special` has it.
-
-    Args:
-      point: a fold, branch point, period doubling or torus point, of ``family.special``.
-      make: parameter -> scene, as for `continue_family`, with the numbers to differentiate by:
-        those with which the point was found, or traced copies. In a family in energy, the scene
-        itself; the result is the energy then.
-      hold: the conditions of the family, as for `continue_family`.
-    Returns:
-      The parameter of `point`, whatever the numbers are, with its first derivatives.
-    Raises:
-      ValueError: `point` is of another kind, or not a generic one: the multiplier is not simple, or
-        does not change with the parameter; or it is a branch point and the scene has symmetries or
-        integrals besides the flow and those that it names; or the scenes have other numbers than
-        those with which it was found.
-    Limits: host only except for the numbers that make the scene; not for chains. Where those
-      numbers are traced, and are not those of the point, the result is NaN. A branch point has a
-      derivative with respect to numbers that do not break it, because of a symmetry; this is not
-      verified, except by `orbits.design`, which finds it again.
-    Example:
-      >>> import jax, orbits
-      >>> import jax.numpy as jnp
-      >>> import jaxdyn
-      >>> def rate(t, y, c):  # cycles of r^2 = (b +- sqrt(b^2 + 4 a)) / 2
-      ...     r2 = y[0] ** 2 + y[1] ** 2
-      ...     grow = c[0] + c[1] * r2 - r2**2
-      ...     return [grow * y[0] - y[1], grow * y[1] + y[0]]
-      >>> def make(b):
-      ...     return lambda a: jaxdyn.ode(rate, [0.85, 0.0], 6.28, params=jnp.stack([a, b]))
-      >>> with_one = make(jnp.asarray(1.0))
-      >>> cycle = orbits.find(with_one(jnp.asarray(-0.2)))
-      >>> family = orbits.continue_family(cycle, with_one, -0.2, down=True, members=8)
-      >>> fold = family.special[0]  # at a = -b^2 / 4
-      >>> by_b = jax.grad(lambda b: orbits.families.special_parameter(fold, make(b)))
-      >>> round(float(by_b(jnp.asarray(1.0))), 8)
-      -0.5
-    """
-    known = SpecialOrbit.of(point)
-    path = path_of(known.orbit, make, hold)
-    value = jnp.asarray(known.parameter)
-    found = test_along(known, path, value)
-    fixed = jax.lax.stop_gradient(found)
-    change = first_only(found.value - fixed.value)
-    step = fixed.slope @ change / (fixed.slope @ fixed.slope)
-    with jax.ensure_compile_time_eval():
-        zero = _zero(known)
-    is_special = jnp.abs(fixed.value).max() <= zero
-    # A factor makes the derivatives NaN as well; those of a selected constant would be zero.
-    value = value - nan_unless(is_special, step)
-    if is_traced(value):
-        return value
-    if np.isnan(step):
-        what = f"a generic {known.kind}"
-        raise fail("point", what, "one whose test has no value, or no slope along the family")
-    if not is_special:
-        raise fail(
-            "make",
-            "a function that makes scenes with the numbers with which the point was found",
-            "one with others, for which the point is not special",
-            "Find the point again with these; see orbits.design.",
-        )
-    return value
-
-
 class DifferentiableSpecialOrbit(NamedTuple):
     """A special orbit as a differentiable function of the numbers of its scenes.
 
@@ -206,7 +137,7 @@ class DifferentiableSpecialOrbit(NamedTuple):
         if self.known.kind == Kind.FOLD:
             return self._at_fold()
         scene, held = self.path(self.parameter)
-        return differentiable(scene, self.known.orbit, hold=held)
+        return differentiable_orbit(scene, self.known.orbit, held)
 
     def _at_fold(self) -> DifferentiableOrbit:
         """The orbit at a fold, which is no function of the parameter; see `folds`."""
@@ -234,17 +165,54 @@ def residual_change(equations: Equations, ahead: Equations, x: Array, rtol) -> A
     return eqx.filter_jvp(lambda e: residual(e, x, rtol), (equations,), (ahead,))[1]
 
 
+@check_first
 def differentiable_special(
     point: Member | SpecialOrbit, make: Make | Scene, *, hold: Hold = ()
 ) -> DifferentiableSpecialOrbit:
-    """A special orbit with the derivatives of its parameter and its orbit; see `special_parameter`.
+    """A special orbit, its parameter and its orbit, with derivatives; see `orbits.differentiable`.
 
+    Args:
+      point: a fold, branch point, period doubling or torus point, of ``family.special``.
+      make: parameter -> scene, as for `continue_family`, with the numbers to differentiate by:
+        those with which the point was found, or traced copies. In a family in energy, the scene
+        itself; the parameter is the energy then.
+      hold: the conditions of the family, as for `continue_family`.
     Raises:
-      ValueError: see `special_parameter`.
+      ValueError: `point` is of another kind, or not a generic one: the multiplier is not simple, or
+        does not change with the parameter; or it is a branch point and the scene has symmetries or
+        integrals besides the flow and those that it names; or the scenes have other numbers than
+        those with which it was found.
     """
     known = SpecialOrbit.of(point)
-    value = special_parameter(known, make, hold=hold)
-    return DifferentiableSpecialOrbit(value, known, path_of(known.orbit, make, hold))
+    path = path_of(known.orbit, make, hold)
+    return DifferentiableSpecialOrbit(_parameter(known, path), known, path)
+
+
+def _parameter(known: SpecialOrbit, path: Callable[[Array], Place]) -> Array:
+    """The parameter () at which a special orbit lies, with its first derivatives."""
+    value = jnp.asarray(known.parameter)
+    found = test_along(known, path, value)
+    fixed = jax.lax.stop_gradient(found)
+    change = first_only(found.value - fixed.value)
+    step = fixed.slope @ change / (fixed.slope @ fixed.slope)
+    with jax.ensure_compile_time_eval():
+        zero = _zero(known)
+    is_special = jnp.abs(fixed.value).max() <= zero
+    # A factor makes the derivatives NaN as well; those of a selected constant would be zero.
+    value = value - nan_unless(is_special, step)
+    if is_traced(value):
+        return value
+    if np.isnan(step):
+        what = f"a generic {known.kind}"
+        raise fail("point", what, "one whose test has no value, or no slope along the family")
+    if not is_special:
+        raise fail(
+            "make",
+            "a function that makes scenes with the numbers with which the point was found",
+            "one with others, for which the point is not special",
+            "Find the point again with these; see orbits.design.",
+        )
+    return value
 
 
 class TestValue(NamedTuple):
@@ -286,7 +254,7 @@ def _doubling(known: SpecialOrbit, path: Callable[[Array], Place]) -> Callable[[
     del path
 
     def test(place: Place) -> Array:
-        m = differentiable(place.scene, known.orbit, hold=place.held).return_map()
+        m = differentiable_orbit(place.scene, known.orbit, place.held).return_map()
         return jnp.linalg.det(m + jnp.eye(len(m)))[None]
 
     return test
@@ -300,7 +268,7 @@ def _branch(known: SpecialOrbit, path: Callable[[Array], Place]) -> Callable[[Pl
     moves = not is_driven(orbit.scene)
 
     def test(place: Place) -> Array:
-        here = differentiable(place.scene, orbit, hold=place.held)
+        here = differentiable_orbit(place.scene, orbit, place.held)
         scene, y0 = here.scene, here.y0
         rows = [scene.rate(jnp.zeros(()), y0) / each] if moves else []
         if names:
@@ -342,7 +310,7 @@ def _torus(known: SpecialOrbit, path: Callable[[Array], Place]) -> Callable[[Pla
     which = int(np.argmin(np.where(values.imag > 0, np.abs(np.abs(values) - 1.0), np.inf)))
 
     def test(place: Place) -> Array:
-        multipliers = differentiable(place.scene, known.orbit, hold=place.held).multipliers()
+        multipliers = differentiable_orbit(place.scene, known.orbit, place.held).multipliers()
         return (jnp.abs(multipliers[which]) ** 2 - 1.0)[None]
 
     return test

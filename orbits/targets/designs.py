@@ -116,10 +116,10 @@ def design(
         point of a family, numbers (n,) -> (parameter -> scene), except for families of orbits in
         energy. A program is compiled for each rate, so define that of an `ode` outside.
       wanted: the requirement as a function that returns residuals, a number or numbers (m,), which
-        are 0 if it is met. Its argument is the `orbits.differentiable` orbit or chain, with its
-        period, start, multipliers and amplitudes; or the `jaxdyn.continuation.differentiable`
-        point, with its parameter; or a special orbit with its parameter (its energy in a family in
-        energy) and its `orbit`. For several of them it is a tuple.
+        are 0 if it is met. Its argument is what `orbits.differentiable` returns: an orbit or a
+        chain, with its period, start, multipliers and amplitudes; a special equilibrium, with its
+        parameter; a special orbit with its parameter (its energy in a family in energy) and its
+        `orbit`. For several of them it is a tuple.
       guess: (n,) the parameters to which `near` belongs.
       near: the result of `find` or `find_hybrid` for them; or a fold or a Hopf point, from
         ``family.special`` of `jaxdyn.continue_equilibria`; or a fold, branch point, period doubling

@@ -25,7 +25,6 @@ from orbits.analysis.same import minimal_period
 from orbits.analysis.sensitivity import (
     DifferentiableChain,
     DifferentiableOrbit,
-    differentiable,
     with_held_entries,
 )
 from orbits.analysis.stability import stability
@@ -33,16 +32,13 @@ from orbits.closing.closings import Hold
 from orbits.closing.sizes import sizes
 from orbits.families.family import Member
 from orbits.families.relocation import find_again
-from orbits.families.special_orbits import (
-    DifferentiableSpecialOrbit,
-    SpecialOrbit,
-    differentiable_special,
-)
+from orbits.families.special_orbits import DifferentiableSpecialOrbit, SpecialOrbit
 from orbits.hybrid.legs import HybridOrbit
 from orbits.hybrid.phases import legs_of
 from orbits.hybrid.search import find_hybrid
 from orbits.orbit import Orbit, SearchError
 from orbits.shooting.finding import find
+from orbits.targets.derivatives import differentiable
 
 #: Newton steps to find an orbit again: one that takes more is too far for its prediction.
 _ITERATIONS = 30
@@ -223,9 +219,9 @@ def follow(make: Make, near: Near | Sequence[Near], hold: Hold) -> tuple[Followe
             return _OfOrbits(make, hold), near
         if hold:
             raise fail("hold", "none for a chain of legs", "conditions", "Leave it out.")
-        return _OfChains(make), near
+        return _OfChains(make, ()), near
     if isinstance(near, Equilibrium):
-        return _OfEquilibria(make), near
+        return _OfEquilibria(make, ()), near
     if isinstance(near, Member | SpecialOrbit):
         return _OfSpecialOrbits(make, hold), SpecialOrbit.of(near)
     expected = "an orbit, or a special point of a family"
@@ -240,14 +236,23 @@ def is_in_family(found: Any) -> bool:
 
 
 @dataclasses.dataclass(frozen=True)
-class _OfOrbits(Followed):
-    """An orbit; `make` returns its scene."""
+class _One(Followed):
+    """One of them.
 
-    make: Callable[[Array], Scene]
+    Attributes:
+      make: returns what `orbits.differentiable` takes.
+      hold: its conditions.
+    """
+
+    make: Callable[[Array], Any]
     hold: Hold
 
-    def differentiable(self, numbers, known: Orbit):
+    def differentiable(self, numbers, known):
         return differentiable(self.make(numbers), known, hold=self.hold)
+
+
+class _OfOrbits(_One):
+    """An orbit; `make` returns its scene."""
 
     def place(self, found: DifferentiableOrbit):
         return found.y0, found.period
@@ -271,14 +276,8 @@ class _OfOrbits(Followed):
         return found
 
 
-@dataclasses.dataclass(frozen=True)
-class _OfChains(Followed):
+class _OfChains(_One):
     """A chain of legs; `make` returns its legs, or the phases from which it was found."""
-
-    make: Make
-
-    def differentiable(self, numbers, known: HybridOrbit):
-        return differentiable(self.make(numbers), known)
 
     def place(self, found: DifferentiableChain):
         return found.y0, found.spans
@@ -297,14 +296,8 @@ class _OfChains(Followed):
         return dataclasses.replace(found, path=known.path)
 
 
-@dataclasses.dataclass(frozen=True)
-class _OfEquilibria(Followed):
+class _OfEquilibria(_One):
     """A special point of equilibria; `make` returns a function from the parameter to a scene."""
-
-    make: Make
-
-    def differentiable(self, numbers, known: Equilibrium):
-        return points.differentiable(self.make(numbers), known)
 
     def place(self, found: points.DifferentiablePoint):
         return found.state, found.parameter
@@ -315,15 +308,8 @@ class _OfEquilibria(Followed):
         return points.find_again(self.make(jnp.asarray(numbers)), known, state, float(parameter))
 
 
-@dataclasses.dataclass(frozen=True)
-class _OfSpecialOrbits(Followed):
+class _OfSpecialOrbits(_One):
     """A special orbit; `make` returns a function from the parameter to a scene, or a scene."""
-
-    make: Make
-    hold: Hold
-
-    def differentiable(self, numbers, known: SpecialOrbit):
-        return differentiable_special(known, self.make(numbers), hold=self.hold)
 
     def place(self, found: DifferentiableSpecialOrbit):
         if found.known.kind == Kind.FOLD:  # it is found again from the known one

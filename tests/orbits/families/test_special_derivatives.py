@@ -11,9 +11,8 @@ from scipy.special import mathieu_a, mathieu_b
 import jaxdyn
 import orbits
 from jaxdyn.continuation import Kind
-from orbits.families import SpecialOrbit, special_parameter
+from orbits.families import SpecialOrbit
 from orbits.families.relocation import find_again
-from orbits.families.special_orbits import differentiable_special
 from orbits.families.surface import OrbitSurface
 
 #: Cycles whose special point lies at -c^2 - 1/4, or at -c^2, where their parameter is a - c^2.
@@ -36,7 +35,7 @@ def test_special_orbits_by_a_number_of_their_scenes(kind):
     known = make(jnp.asarray(0.3))
     family = orbits.continue_family(orbits.find(known(jnp.asarray(a))), known, a, **options)
     (point,) = family.special
-    by_c = jax.value_and_grad(lambda c: special_parameter(point, make(c)))
+    by_c = jax.value_and_grad(lambda c: orbits.differentiable(make(c), point).parameter)
     for value, slope in (by_c(0.3), jax.jit(by_c)(0.3)):
         assert value == point.parameter
         assert slope == pytest.approx(-0.6, abs=1e-8)
@@ -71,7 +70,7 @@ def test_the_orbit_at_a_fold_by_a_number_of_its_scene():
     (fold,) = family.special
 
     def numbers(b):
-        point = differentiable_special(fold, make(b))
+        point = orbits.differentiable(make(b), fold)
         orbit = point.orbit
         found = [point.parameter, orbit.period, orbit.amplitude("y0")]
         return jnp.stack(found)
@@ -106,7 +105,7 @@ def doubling(a):
 @pytest.mark.slow
 def test_the_first_doubling_of_roesslers_cycle_by_its_other_number():
     point = doubling(0.2)
-    slope = jax.grad(lambda a: special_parameter(point, roessler(a)))(0.2)
+    slope = jax.grad(lambda a: orbits.differentiable(roessler(a), point).parameter)(0.2)
     h = 2e-3
     p = {i: doubling(0.2 + i * h).parameter for i in (-2, -1, 1, 2)}
     differences = (8 * (p[1] - p[-1]) - (p[2] - p[-2])) / (12 * h)
@@ -139,7 +138,9 @@ def test_a_doubling_of_a_conservative_scene_is_on_mathieus_curve():
     assert len(points) == 2
     for point, curve in zip(points, exact.values(), strict=True):
         assert point.parameter == pytest.approx(curve(q), abs=1e-9)
-        slope = jax.grad(lambda q, point=point: special_parameter(point, stiffened(q)))(q)
+        slope = jax.grad(
+            lambda q, point=point: orbits.differentiable(stiffened(q), point).parameter
+        )(q)
         h = 1e-3
         differences = (8 * (curve(q + h) - curve(q - h)) - curve(q + 2 * h) + curve(q - 2 * h)) / (
             12 * h
@@ -175,7 +176,7 @@ def test_the_energy_of_a_branch_point_of_a_conservative_scene_is_on_mathieus_cur
     family = orbits.continue_family(orbits.find(scene), energies=(0.0, 0.4), step=0.1, down=True)
     point = next(x for x in family.special if x.kind == Kind.BRANCH)
     assert point.energy == pytest.approx(exact(0.5), abs=1e-9)
-    slope = jax.grad(lambda k: special_parameter(point, beside(k)))(0.5)
+    slope = jax.grad(lambda k: orbits.differentiable(beside(k), point).parameter)(0.5)
     h = 1e-3
     ends = {i: exact(0.5 + i * h) for i in (-2, -1, 1, 2)}
     differences = (8 * (ends[1] - ends[-1]) - ends[2] + ends[-2]) / (12 * h)
@@ -187,8 +188,8 @@ def test_points_without_such_derivatives_are_refused(monkeypatch):
         return cycle(Bautin, a, (1.1, 0.0))
 
     family = orbits.continue_family(orbits.find(make(jnp.asarray(0.3))), make, 0.3, members=1)
-    with pytest.raises(ValueError, match="point: expected a fold, branch point, period"):
-        special_parameter(family.members[0], make)
+    with pytest.raises(ValueError, match=r"point: expected a fold, branch point, period.*\.orbit"):
+        orbits.differentiable(make, family.members[0])
     orbit = family.members[0].orbit
     guess = np.asarray(orbit.y0), orbit.period
     fold = SpecialOrbit(Kind.FOLD, orbit, 0.3)
@@ -213,7 +214,7 @@ def test_a_point_whose_multiplier_is_double_is_refused():
     with pytest.raises(
         ValueError, match="point: expected a generic torus point, got one whose test"
     ):
-        special_parameter(point, make)
+        orbits.differentiable(make, point)
 
 
 @pytest.mark.slow
@@ -224,7 +225,7 @@ def test_a_branch_point_with_an_integral_that_the_scene_does_not_name_is_refused
 
     orbit = orbits.find(make(0.5))
     with pytest.raises(ValueError, match="point: expected a branch point without symmetries"):
-        special_parameter(SpecialOrbit(Kind.BRANCH, orbit, 0.5), make)
+        orbits.differentiable(make, SpecialOrbit(Kind.BRANCH, orbit, 0.5))
 
 
 @pytest.mark.slow
@@ -243,13 +244,13 @@ def test_other_numbers_than_those_of_the_point_give_an_error_or_nan():
     family = orbits.continue_family(rest, make(lift), 0.6, within=(0.45, 0.72))
     doubling = family.special[0]
     assert doubling.kind is Kind.DOUBLING
-    right = jax.grad(lambda lift: special_parameter(doubling, make(lift)))
+    right = jax.grad(lambda lift: orbits.differentiable(make(lift), doubling).parameter)
     assert np.isfinite(right(lift))
     assert np.isnan(right(1.01 * lift))
     with pytest.raises(
         ValueError, match=r"make: expected .* numbers with which the point was found"
     ):
-        special_parameter(doubling, make(1.01 * lift))
+        orbits.differentiable(make(1.01 * lift), doubling)
 
     def multiplier(lift):
         return orbits.differentiable(make(lift)(0.6), rest).multipliers()[0].real
@@ -257,3 +258,19 @@ def test_other_numbers_than_those_of_the_point_give_an_error_or_nan():
     assert np.isfinite(jax.grad(multiplier)(lift))
     assert np.isnan(jax.grad(multiplier)(1.01 * lift))
     assert np.isnan(jax.vmap(multiplier)(1.01 * lift[None])).all()
+
+
+def test_what_has_no_derivatives_is_refused_with_a_message():
+    family = jaxdyn.continue_equilibria(
+        lambda p: jaxdyn.ode(lambda t, y, p: [p - y[0] ** 2], [1.0], 1.0, params=p),
+        1.0,
+        within=(-1.0, 2.0),
+        down=True,
+    )
+    (fold,) = family.special
+    with pytest.raises(ValueError, match="scene: expected a function parameter -> scene"):
+        orbits.differentiable(jaxdyn.scenes.lorenz(), fold)
+    with pytest.raises(ValueError, match="hold: expected none for an equilibrium"):
+        orbits.differentiable(lambda p: jaxdyn.scenes.lorenz(), fold, hold="y0")
+    with pytest.raises(ValueError, match=r"orbit: expected .*Member.* got 1.0"):
+        orbits.differentiable(jaxdyn.scenes.lorenz(), 1.0)
