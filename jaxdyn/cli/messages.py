@@ -14,6 +14,7 @@ _OF_OTHER_NAME = {
     "Force.on": ("drive", "input"),
     "frequencies": ("within",),
     "guess": ("free",),
+    "parameter": ("parameters",),
     "y": ("start",),
 }
 #: What is said of arguments that are no options.

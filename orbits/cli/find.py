@@ -101,6 +101,7 @@ def find_command(
             segments=segments,
             strategy=_strategy(rough, collocation, unlike or (), scene),
             report=printer(out),
+            throw=False,
         )
         if not orbit.ok:
             raise not_found(orbit, _remedy(orbit, scene, closing), {}, as_object, out)

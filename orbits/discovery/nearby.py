@@ -18,7 +18,7 @@ from orbits.closing.closings import PLAIN, Closing, Energy, Reversal
 from orbits.closing.given import DIFFERENTIATE, drive_period, is_driven
 from orbits.discovery.seeds import Seed, extents, returns
 from orbits.motion import quick_solve, sample
-from orbits.orbit import Orbit
+from orbits.orbit import Orbit, SearchError
 from orbits.shooting.collocation import Collocation
 from orbits.shooting.deflation import Deflated
 from orbits.shooting.finding import AUTOMATIC, find
@@ -50,8 +50,9 @@ def search_near(
     strategy: Strategy = AUTOMATIC,
     segments: int | None = None,
     report: Callable[[Iteration], None] = lambda step: None,
+    throw: bool = True,
 ) -> Orbit:
-    """The periodic orbit near a scene's own motion, or the best iterate and the reason.
+    """The periodic orbit near a scene's own motion.
 
     `orbits.find` needs a guess of the period; this needs none. It takes the closest returns of the
     scene's own motion as guesses, and where none leads to an orbit and the motion does not
@@ -68,10 +69,12 @@ def search_near(
       strategy: see `find`.
       segments: see `find`.
       report: see `find`.
+      throw: raise if no orbit was found; with False check `Orbit.ok`.
     Returns:
-      The orbit over its minimal period; check `Orbit.ok`.
+      The orbit over its minimal period, or with ``throw=False`` the best iterate and the reason.
     Raises:
       ValueError: no close return to begin with, or what `find` refuses.
+      SearchError: no orbit was found (``throw=True``).
     Example:
       >>> import jax.numpy as jnp, jaxdyn, orbits
       >>> def brusselator(t, y):
@@ -88,26 +91,37 @@ def search_near(
         scene,
         closing=several,
         hold=held,
+        strategy=strategy,
         segments=segments,
         report=report,
         throw=False,
     )
     if period is not None:
-        return near(None, period, strategy=strategy)
-    # A reversal needs a start that it leaves fixed, such as the scene's own may be.
-    movable = not hold and not isinstance(several[0], Reversal)
-    # The scene's own start, if that is periodic already, and no other orbit is asked for.
-    own = strategy if isinstance(strategy, Deflated | Collocation) else AUTOMATIC
+        orbit = near(None, period)
+    else:
+        # A reversal needs a start that it leaves fixed, such as the scene's own may be.
+        movable = not hold and not isinstance(several[0], Reversal)
+        # The scene's own start, if that is periodic already, and no other orbit is asked for.
+        own = strategy if isinstance(strategy, Deflated | Collocation) else AUTOMATIC
+        orbit = _minimal(_near_returns(scene, movable, own, held, near), near)
+    if throw and not orbit.ok:
+        raise SearchError(" ".join(filter(None, (orbit.message, orbit.hint))))
+    return orbit
+
+
+def _near_returns(
+    scene: Scene, movable: bool, own: Strategy, held: tuple, near: Callable[..., Orbit]
+) -> Orbit:
+    """The orbit that a close return leads to, or the last one tried, which does not close."""
     orbit = None
     for seeds in _seeds(scene, movable):
         if orbit is None:
             orbit = near(None, seeds[0].period, strategy=own, max_iterations=0)
         for seed in seeds if not orbit.ok else ():
-            orbit = near(seed.y0 if movable else None, seed.period, strategy=strategy)
+            orbit = near(seed.y0 if movable else None, seed.period)
             if orbit.ok:
                 if movable:
-                    again = functools.partial(near, strategy=strategy)
-                    orbit = _nearer(scene, seed, orbit, held, again)
+                    orbit = _nearer(scene, seed, orbit, held, near)
                 break
         if orbit.ok:
             break
@@ -115,8 +129,12 @@ def search_near(
         remedy = (
             "The scene's own motion has no close return in its span. Give one, or another start."
         )
-        raise fail("--period", "a guess of the period", "none", remedy)
-    # The closest return may be after several periods.
+        raise fail("period", "a guess of the period", "none", remedy)
+    return orbit
+
+
+def _minimal(orbit: Orbit, near: Callable[..., Orbit]) -> Orbit:
+    """The orbit over its minimal period: the closest return may be after several periods."""
     while orbit.ok:
         shortest, times = minimal_period(orbit)
         if times == 1:
@@ -157,7 +175,7 @@ def _seeds(scene: Scene, movable: bool) -> Iterator[list[Seed]]:
         period = drive_period(scene)
         if period is None:
             remedy = "The rate depends on time, but not with a period that can be read from it."
-            raise fail("--period", "one, a multiple of the drive's", "none", remedy)
+            raise fail("period", "one, a multiple of the drive's", "none", remedy)
         yield [Seed(np.asarray(scene.y0), period)]
         for later, _ in _TRANSIENTS if movable and _changes_volumes(scene, period) else ():
             whole = round(later) * period

@@ -30,11 +30,11 @@ def maker(
       ValueError: the scene has no such number, or its rate is not differentiable in it.
     """
     entry = catalogue.entry(name)
-    choice("--parameter", parameter, entry.parameters)
+    choice("parameter", parameter, entry.parameters)
     value = {**entry.parameters, **values}[parameter]
     remedy = "Its motion must be smooth in it."
     if isinstance(value, bool | str) or not isinstance(value, int | float):
-        raise fail("--parameter", "one number", f"{parameter} = {value!r}", remedy)
+        raise fail("parameter", "one number", f"{parameter} = {value!r}", remedy)
 
     def make(x: Array) -> Scene:
         return entry.make(**{**values, parameter: x})
@@ -43,10 +43,10 @@ def maker(
         slopes = jax.jacfwd(lambda x: _rates(make(x)))(float(value))
     except (jax.errors.JAXTypeError, TypeError) as error:
         got = f"{parameter}, which shapes the scene of {name}"
-        raise fail("--parameter", "one that only changes numbers", got, remedy) from error
+        raise fail("parameter", "one that only changes numbers", got, remedy) from error
     if not np.any(slopes):
-        remedy = "The start is found anyway; without --parameter the energy changes."
-        raise fail("--parameter", "one that changes the forces", parameter, remedy)
+        remedy = "The start is found anyway; without parameter= the energy changes."
+        raise fail("parameter", "one that changes the forces", parameter, remedy)
     return make, float(value)
 
 
@@ -64,7 +64,7 @@ def maker_of_two(
     """
     first, second = parameters
     if first == second:
-        raise fail("--parameters", "two different numbers", f"{first} twice")
+        raise fail("parameters", "two different numbers", f"{first} twice")
     present = tuple(maker(name, values, parameter)[1] for parameter in parameters)
     entry = catalogue.entry(name)
 

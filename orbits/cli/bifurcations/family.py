@@ -143,7 +143,7 @@ def _first(
             got = f"one of {orbit.scene.name or 'another scene'}, whose state has other entries"
             raise fail("--from-orbit", f"an orbit of {name}", got)
         return orbit
-    return orbits.discovery.nearby.search_near(scene, period, report=printer(out))
+    return orbits.discovery.nearby.search_near(scene, period, report=printer(out), throw=False)
 
 
 def _reporter(

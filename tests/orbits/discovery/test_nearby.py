@@ -37,6 +37,16 @@ def test_without_a_period_the_message_names_the_search():
     assert "search_near" not in str(told.value)
 
 
+def test_a_failed_search_raises_or_says_why():
+    """x'' = -x + 0.1 x' has the equilibrium and no orbit: all others spiral outward."""
+    scene = jaxdyn.ode(lambda t, y: [y[1], 0.1 * y[1] - y[0]], jnp.array([1.0, 0.0]), t1=20.0)
+    with pytest.raises(orbits.SearchError) as raised:
+        orbits.search_near(scene, 6.3, hold=["y0"])
+    orbit = orbits.search_near(scene, 6.3, hold=["y0"], throw=False)
+    assert not orbit.ok
+    assert str(raised.value).startswith(orbit.message)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("current", "period"), [(3.5, 31.743057496), (2.5, 124.106403807)])
 def test_bursts_and_spikes_of_a_neuron(current, period):
