@@ -1,6 +1,7 @@
 """The call `train`: parameters of any number, such as weights of networks, by gradient descent."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -123,8 +124,10 @@ def train(
     Raises:
       ValueError: an entry of the state has no column, no row is complete, or an argument is out of
         range; see also `fit`.
-    Limits: optimisers such as Adam change each number by about their learning rate in a step, so
-      numbers should be of order one: write a stiffness near 300 N/m as 300 times a parameter.
+    Limits: optimisers such as Adam change each number by about their learning rate in a step. A
+      single number, such as a stiffness of 300 N/m, is measured in units of its guess, so that its
+      unit does not matter, unless the guess is 0. The entries of arrays are as they are, and should
+      be of order one, as weights of networks are.
     Example:
       >>> import jaxdyn
       >>> from jaxdyn import scenes
@@ -142,11 +145,17 @@ def train(
     model, theta, scene, table, _ = pose(make, guess, data, columns, observe, options)
     spans = _spans(model, scene, table, ahead)
     optimiser = optax.adam(_RATE) if optimiser is None else optimiser
-    best, losses, lost = _descend(model, spans, theta, optimiser, steps)
+    best, losses, lost = _descend(model, spans, theta, _units(model, theta), optimiser, steps)
     params = model.as_given(best)
     start = model.scene(best).starting(spans.starts[0])
     outcome = TrainingStatus.NO_MOTION if bool(lost) else TrainingStatus.DONE
     return Training(params, start, np.asarray(losses), outcome)
+
+
+def _units(model: Model, theta: Array) -> Array:
+    """(p,) units of the parameters: the size of a single number, 1 for entries of arrays."""
+    single = np.concatenate([np.full(math.prod(shape), shape == ()) for shape in model.shapes])
+    return jnp.where(single & (theta != 0), jnp.abs(theta), 1.0)
 
 
 def _spans(model: Model, scene: Scene, table: Measured, ahead: int) -> Spans:
@@ -180,11 +189,18 @@ def _spans(model: Model, scene: Scene, table: Measured, ahead: int) -> Spans:
 
 @eqx.filter_jit
 def _descend(
-    model: Model, spans: Spans, theta: Array, optimiser: optax.GradientTransformation, steps: int
+    model: Model,
+    spans: Spans,
+    theta: Array,
+    units: Array,
+    optimiser: optax.GradientTransformation,
+    steps: int,
 ) -> tuple[Array, Array, Array]:
     """The best parameters, all losses (steps + 1,), and whether one was not finite."""
 
-    def loss(theta: Array) -> Array:
+    def loss(scaled: Array) -> Array:
+        theta = units * scaled
+
         def of_span(start, begin, ts, values, weights):
             seen, _ = model.run(theta, start, begin, ts[-1], ts)
             return jnp.sum(weights * model.misfit(seen, values) ** 2)
@@ -192,18 +208,19 @@ def _descend(
         return jnp.sum(jax.vmap(of_span)(*spans))
 
     def step(carry, _):
-        theta, state, best, least, lost = carry
-        value, slope = jax.value_and_grad(loss)(theta)
+        scaled, state, best, least, lost = carry
+        value, slope = jax.value_and_grad(loss)(scaled)
         lost = lost | ~(jnp.isfinite(value) & jnp.isfinite(slope).all())
         better = value < least
-        best = jnp.where(better, theta, best)
+        best = jnp.where(better, scaled, best)
         with jax.numpy_dtype_promotion("standard"):  # Optax mixes floats and whole numbers
-            change, new = optimiser.update(slope, state, theta)
+            change, new = optimiser.update(slope, state, scaled)
         kept = jax.tree.map(
-            lambda old, new: jnp.where(lost, old, new), (theta, state), (theta + change, new)
+            lambda old, new: jnp.where(lost, old, new), (scaled, state), (scaled + change, new)
         )
         return (*kept, best, jnp.where(better, value, least), lost), jnp.where(lost, jnp.nan, value)
 
-    first = (theta, optimiser.init(theta), theta, jnp.asarray(jnp.inf), jnp.asarray(False))
+    start = theta / units
+    first = (start, optimiser.init(start), start, jnp.asarray(jnp.inf), jnp.asarray(False))
     (_, _, best, _, lost), losses = lax.scan(step, first, None, length=steps + 1)
-    return best, losses, lost
+    return units * best, losses, lost

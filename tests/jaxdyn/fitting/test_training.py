@@ -98,6 +98,18 @@ def test_a_network_learns_a_force():
     assert jnp.max(jnp.abs(jax.vmap(found.params["net"])(x) + x + x**3)) < 0.1
 
 
+@pytest.mark.slow
+def test_the_units_of_a_number_do_not_matter(noisy):
+    """The rate in 1/s and in 1/h; the same steps up to rounding."""
+    hourly = train(noisy, {"k": 3600.0}, lambda k: decaying(k / 3600), steps=50)
+    plain = train(noisy, {"k": 1.0}, steps=50)
+    np.testing.assert_allclose(hourly.params["k"] / 3600, plain.params["k"], rtol=1e-10)
+    assert abs(plain.params["k"] - 1) > 0.2
+    np.testing.assert_allclose(hourly.losses, plain.losses, rtol=1e-9)
+    from_zero = train(noisy, {"k": 0.0}, steps=50)  # in its own unit
+    assert from_zero.params["k"] > 0.3
+
+
 def test_a_loss_that_is_lost_leaves_the_best_parameters(noisy):
     found = train(noisy, steps=20, optimiser=optax.sgd(1e6))
     assert found.outcome == TrainingStatus.NO_MOTION
