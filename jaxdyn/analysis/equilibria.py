@@ -29,7 +29,7 @@ from jaxdyn.analysis.equilibrium_search.search import (
     low_discrepancy,
     search,
 )
-from jaxdyn.analysis.linearize import Linearization, linearize_near
+from jaxdyn.analysis.linearize import Linearization, complete_state, linearize_near
 from jaxdyn.scales import groups
 from jaxdyn.scene import Field, Scene, System, check_scene
 from jaxdyn.system import differences
@@ -104,7 +104,7 @@ def equilibria(
     Args:
       scene: an autonomous scene, or one that is frozen at time t.
       low: lower corner of the box, (k,) for all entries of the state; or (k/2,) for the
-        coordinates of a state [q, v], with velocities of 0.
+        coordinates of a state [q, v] with dq/dt = v, with velocities of 0.
       high: upper corner, of the same shape.
       t: () time [s] at which the scene is frozen.
       starts: number of starting points of the search.
@@ -130,7 +130,7 @@ def equilibria(
         "carries their derivatives."
     )
     _checks.check_on_host("equilibria", (scene, low, high, t), remedy)
-    box = _box(low, high, len(check_scene(scene).y0))
+    box = _box(low, high, check_scene(scene))
     starts, t = _checks.whole("starts", starts, most=_MOST_STARTS), _checks.array("t", t, ())
     field = scene.field
     theorem = _prove(scene, float(t), box) if prove else None
@@ -229,16 +229,12 @@ def _coupled_sizes(field: Field, a: Array, each: Array) -> Array:
     return jax.lax.fori_loop(0, len(each), lambda _, x: jnp.maximum(x, alike(made @ x)), each)
 
 
-def _box(low, high, k: int) -> Box:
+def _box(low, high, scene: Scene) -> Box:
     low = np.asarray(_checks.array("low", low, (None,)))
     high = np.asarray(_checks.array("high", high, low.shape))
     if (low > high).any() or (low == high).all():
         raise _checks.fail("high", f"above low = {low.tolist()}", high.tolist())
-    if 2 * len(low) == k:
-        low, high = (np.concatenate([x, np.zeros(len(x))]) for x in (low, high))
-    if len(low) != k:
-        raise _checks.fail("low", f"{k} entries, or {k // 2} for coordinates at rest", len(low))
-    return Box(low, high)
+    return Box(complete_state("low", low, scene), complete_state("high", high, scene))
 
 
 def _groups(ends: SearchEnds, order: np.ndarray, box: Box) -> list[list[int]]:

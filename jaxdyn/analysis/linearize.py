@@ -227,6 +227,22 @@ def is_second_order(scene: Scene, y: Array) -> bool:
     return np.array_equal(np.asarray(top), np.eye(len(y) // 2, len(y), len(y) // 2))
 
 
+def complete_state(name: str, given: np.ndarray, scene: Scene) -> np.ndarray:
+    """(k,) a state, of which only the coordinates may be given where that is [q, v]; then v is 0.
+
+    Raises:
+      ValueError: it has another number of entries; `name` is that of the argument.
+    """
+    k, wanted = len(scene.y0), f"{len(scene.y0)} entries"
+    if len(given) == k:
+        return given
+    if is_second_order(scene, scene.y0):
+        if 2 * len(given) == k:
+            return np.append(given, np.zeros(len(given)))
+        wanted = f"{wanted}, or {k // 2} for coordinates at rest"
+    raise _checks.fail(name, wanted, len(given))
+
+
 def _with_value(x: Any) -> Any:
     """A leaf, with some numbers between 1 and 2 in place of traced ones."""
     if not _checks.is_traced(x):

@@ -19,6 +19,7 @@ import numpy as np
 from jaxdyn import _checks
 from jaxdyn._checks import check_first
 from jaxdyn._records import with_captures
+from jaxdyn.analysis.linearize import complete_state
 from jaxdyn.analysis.scales_at_rest import at_rest
 from jaxdyn.continuation import defining
 from jaxdyn.continuation.branch import (
@@ -72,8 +73,8 @@ def continue_equilibria(
       make: the scene for each value of a parameter, e.g. ``lambda rho: lorenz(rho=rho)``; its
         start and span do not matter. A program is compiled for each function, so define it once.
       parameter: the value of the parameter at the start.
-      start: (k,) state near an equilibrium; or (k/2,) coordinates of a state [q, v] at rest. It may
-        be a fold to within some six digits.
+      start: (k,) state near an equilibrium; or (k/2,) coordinates of a state [q, v], with
+        dq/dt = v, at rest. It may be a fold to within some six digits.
       step: length of the first step in state and parameter, each in units of its size (`units`);
         the other steps are up to ten times as long.
       members: largest number of members.
@@ -177,11 +178,8 @@ def _first(make: Make, parameter: float, start, down: bool) -> Equilibrium:
     if isinstance(innermost(scene.system), Constrained):
         remedy = 'Set it up in minimal coordinates, e.g. with formulation="lagrange".'
         raise _checks.fail("make", "a scene without constraints", "a constrained one", remedy)
-    k = len(scene.labels())
-    if 2 * len(y) == k:
-        y = np.append(y, np.zeros(len(y)))
-    if len(y) != k:
-        raise _checks.fail("start", f"{k} entries, or {k // 2} for coordinates at rest", len(y))
+    y = complete_state("start", y, scene)
+    k = len(y)
     if _driven(scene, y):
         remedy = "It has no equilibria; follow its periodic motions instead."
         raise _checks.fail("make", "an autonomous scene", "one that depends on time", remedy)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers import EXACT, Arm, gap, refusal
 
+import jaxdyn
 from jaxdyn import Scene, simulate
 from jaxdyn.analysis.equilibria import Equilibria, equilibria, equilibrium
 from jaxdyn.analysis.equilibrium_search.completeness import bisect, judge
@@ -315,6 +316,17 @@ BOXES = [
 def test_a_box_that_is_none_is_refused(low, high, message):
     with pytest.raises(ValueError, match=message):
         equilibria(two_springs(), low, high)
+
+
+def test_coordinates_alone_are_for_states_of_coordinates_and_velocities():
+    """Two chemostats, or any rate: half of its entries are no state at rest."""
+    plain = jaxdyn.ode(lambda t, y: [y[0] - y[1], y[0] * y[1] - 1.0], [1.0, 1.0], 1.0)
+    with pytest.raises(ValueError, match=r"^low: expected 2 entries, got 1\.$"):
+        equilibria(plain, [0.5], [1.5])
+    with pytest.raises(ValueError, match=r"^start: expected 2 entries, got 1\.$"):
+        jaxdyn.continue_equilibria(lambda p: plain, 1.0, [0.5])
+    swing = jaxdyn.ode(lambda t, y: [y[1], -jnp.sin(y[0])], [1.0, 1.0], 1.0)
+    assert len(equilibria(swing, [-0.5], [0.5])) == 1
 
 
 def rest(**options):
