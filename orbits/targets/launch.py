@@ -257,14 +257,13 @@ def _pull(scene: Scene) -> Array:
 def _landing(scene: Scene, w: Array, log_speed: Array, rtol: Array):
     speed = jnp.exp(log_speed)
     fall, units = jax.lax.stop_gradient(_scales(scene, w, speed, rtol))
-    way = direction(w)
-    system = ThrownSystem(system=scene.system, origin=scene.y0[:2], way=way, units=units)
+    system = ThrownSystem(system=scene.system, origin=scene.y0[:2], course=w, units=units)
     start = jnp.zeros(4).at[2].set(speed / units.speeds(jnp.zeros(()))[0])
     # With a span much longer than the flight, the time of the flight would have no digits left.
     soon, patience = jax.lax.stop_gradient(_patience(scene, speed))
     longest = jnp.where(jnp.isfinite(fall.settled), jnp.minimum(fall.settled, soon), patience)
     throw = dataclasses.replace(scene, system=system, y0=start)
-    down = Down(way, units.lengths)
+    down = Down(w, units.lengths)
     span = longest / units.time
     stop = events.until(throw, down, span, rtol=rtol, atol=rtol, max_steps=_STEPS)
     landed = stop.event >= 0
@@ -273,7 +272,7 @@ def _landing(scene: Scene, w: Array, log_speed: Array, rtol: Array):
     end = fall_end(scene, w, t_end, r, v)
     falls = ~landed & jnp.isfinite(fall.settled)
     unsettled = end.lost | (fall.settled > soon)
-    c, s = way
+    c, s = direction(w)
 
     def at_last(here, there):
         return jnp.where(landed, here, jnp.where(falls & ~unsettled, there, jnp.nan))

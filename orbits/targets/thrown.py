@@ -51,7 +51,7 @@ class ThrownSystem(System):
 
     system: FreePoints
     origin: Array
-    way: tuple[Array, Array]  # cosine and sine of the launch angle, see `direction`
+    course: Array  # not the angle, so that tangents of flat throws are as small as they should be
     units: Units
 
     @property
@@ -64,7 +64,7 @@ class ThrownSystem(System):
     def state(self, t: Array, z: Array) -> Array:
         """(4,) state of the point itself."""
         r, v = self.position_and_velocity(t, z)
-        c, s = self.way
+        c, s = direction(self.course)
         return jnp.concatenate([rotate(r, c, s) + self.origin, rotate(v, c, s)])
 
     def position_and_velocity(self, t: Array, z: Array) -> tuple[Array, Array]:
@@ -77,7 +77,7 @@ class ThrownSystem(System):
 
     @functools.partial(jax.jit, inline=True)  # traced once for its many uses in a throw
     def rate(self, t, y, effects):
-        c, s = self.way
+        c, s = direction(self.course)
         unit, state = self.units.time, self.state(t, y)
         acceleration = rotate(self.system.rate(t * unit, state, effects)[2:], c, -s)
         speeds = self.units.speeds(t)
@@ -87,9 +87,8 @@ class ThrownSystem(System):
 
 @functools.partial(jax.jit, inline=True)  # traced once for all its uses
 def direction(w: Array) -> tuple[Array, Array]:
-    """Cosine and sine of the launch angle of a course log tan(angle / 2).
+    """Cosine and sine of the launch angle of a course.
 
-    By the course, not the angle, tangents of flat throws are as small as they should be.
     They are not computed by tanh or expm1, whose derivatives in JAX cancel for flat throws.
     """
     forwards = w < 0
@@ -106,13 +105,13 @@ def rotate(vector: Array, c: Array, s: Array) -> Array:
 class Down(events.Event):
     """The event that the height over the launch falls to zero."""
 
-    way: tuple[Array, Array]  # cosine and sine of the launch angle
+    course: Array
     lengths: Array
 
     def value(self, t, y):
         del t
         forward, across = self.lengths / self.lengths[1]
-        c, s = self.way
+        c, s = direction(self.course)
         return s * forward * y[0] + c * across * y[1]
 
     @property
