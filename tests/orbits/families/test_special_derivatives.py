@@ -264,6 +264,7 @@ def test_what_has_no_derivatives_is_refused_with_a_message():
     family = jaxdyn.continue_equilibria(
         lambda p: jaxdyn.ode(lambda t, y, p: [p - y[0] ** 2], [1.0], 1.0, params=p),
         1.0,
+        [1.0],
         within=(-1.0, 2.0),
         down=True,
     )
