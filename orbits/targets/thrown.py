@@ -52,7 +52,7 @@ class ThrownSystem(System):
     system: FreePoints
     origin: Array
     #: Not the angle, so that tangents of flat throws are as small as they should be; nor its cosine
-    #: and sine, whose tangents cancel in each rate: at 1e12 m/s they took a hundred times the steps.
+    #: and sine, whose tangents cancel in each rate: at 1e12 m/s they take 80 times more steps.
     course: Array
     units: Units
 
