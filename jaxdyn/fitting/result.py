@@ -40,12 +40,12 @@ class FitStatus(Code):
     NOT_CONVERGED = (
         1,
         "The iteration did not settle. Begin with a guess nearer to the data, or give more "
-        "segments (segments=).",
+        "segments (segments=). For weights of a network, use jaxdyn.train.",
     )
     UNDETERMINED = (
         2,
         "The data do not determine all parameters separately. Keep one of those named at a known "
-        "value, or measure another quantity.",
+        "value, or measure another quantity. For weights of a network, use jaxdyn.train.",
     )
     NO_MOTION = (
         3,
