@@ -28,6 +28,8 @@ _SYNONYMS = {
     "estimation": ("fit",),
     "regression": ("fit",),
     "training": ("neural", "fit"),
+    "gradient": ("derivative",),
+    "sensitivity": ("derivative",),
     "machine learning": ("neural",),
     "optimisation": ("design",),
     "optimization": ("design",),
@@ -71,6 +73,7 @@ _SYNONYMS = {
 _GUIDES = Path(__file__).parents[1] / "gallery" / "guides"
 _COMMAND = re.compile(r'^def (\w+)_command\(.*?\n    """([^"\n]+)', re.MULTILINE | re.DOTALL)
 _LINES = 3  # a guide that has the word in this many lines is about it
+_CHANGES = "20_changes.md"  # has every word, and is about none
 
 
 def about(word: str, zoo: Mapping[str, SceneText]) -> list[str]:
@@ -89,6 +92,8 @@ def guides(word: str, times: int = _LINES) -> dict[str, str]:
     for path in sorted(_GUIDES.glob("*.md")):
         lines = path.read_text(encoding="utf-8").splitlines()
         headings = " ".join(line for line in lines if line.startswith("#"))
+        if path.name == _CHANGES:
+            continue
         if _is_in(word, headings) or sum(_is_in(word, line, ()) for line in lines) >= times:
             found[path.name] = lines[0].removeprefix("# ")
     return found

@@ -77,6 +77,8 @@ def test_words_of_the_field_find_scenes(jaxdyn):
         ("targets", "orbits aim"),
         ("nonlinear normal mode", "orbits backbone"),
         ("suspension", "23_vibrations.md"),
+        ("sensitivity", "27_designs.md"),
+        ("derivatives", "27_designs.md"),
     ],
 )
 def test_words_of_the_field_find_guides_problems_and_words(jaxdyn, word, shown):
