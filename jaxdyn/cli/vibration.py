@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 import jaxdyn
-from jaxdyn._text import brief, fail, joule, second, whole, with_unit
+from jaxdyn._text import brief, fail, second, whole, with_unit
 from jaxdyn.cli.docstrings import scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
@@ -168,7 +168,7 @@ def _largest(
 def _unit(scene: "jaxdyn.Scene", given: str, output: str) -> str:
     """The unit of an output over a force on a coordinate; "1" where one is not known."""
     labels = dict(scene.labels())
-    known = joule(scene.labels()) and scene.has_points  # plain equations have forces per mass
+    known = scene.in_units("J") and scene.has_points  # plain equations have forces per mass
     force = {"m": "N", "rad": "(N m)"}.get(labels[given]) if known else None
     return "1" if force is None else f"{labels[output]}/{force}"
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from jaxdyn import _checks
 from jaxdyn._checks import check_first
-from jaxdyn._text import joule, second
+from jaxdyn._text import second, with_unit
 from jaxdyn.analysis.energy import NAMES, energies
 from jaxdyn.drawing.contents import why_stopped
 from jaxdyn.drawing.curves import quantities, samples_reached, states
@@ -93,8 +93,7 @@ def _panels(scene: Scene, names: Sequence[str]) -> dict[str, str]:
 
 
 def _of_energies(scene: Scene) -> str:
-    unit = joule(scene.labels())
-    return f"energy [{unit}]" if unit else "energy"
+    return with_unit("energy", scene.in_units("J"))
 
 
 def _values(piece: Trajectory, pieces: int, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:

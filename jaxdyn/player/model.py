@@ -8,6 +8,7 @@ For a shape with many corners, only as many are computed from the state as deter
 which are sums of these with fixed weights: three for a body in the plane, four in space.
 """
 
+import dataclasses
 import itertools
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -152,7 +153,7 @@ def _data(scene: Scene, marks: list[str], outlines: list[Outline]) -> dict[str, 
         "entries": _entries(scene),
         "span": float(scene.t1),
         "second": _text.second(scene.labels()),
-        "joule": _text.joule(scene.labels()),
+        "joule": scene.in_units("J"),
         "parameters": _parameters(scene),
         "groups": _groups(scene),
         "terms": _terms(scene),
@@ -222,7 +223,7 @@ def _choices_of(switches: list[tuple[str, tuple[int, ...]]]) -> Iterator[frozens
 def _without(scene: Scene, off: frozenset[int]) -> Scene:
     """A scene without some of its effects."""
     kept = tuple(effect for i, effect in enumerate(scene.effects) if i not in off)
-    return Scene(scene.system, kept, y0=scene.y0, t1=scene.t1, name=scene.name)
+    return dataclasses.replace(scene, effects=kept)
 
 
 def _variant(

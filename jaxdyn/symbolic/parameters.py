@@ -6,6 +6,7 @@ indices in brackets, from 0: `g`, `m[1]`, `r[2,0]`, `effects[0].k` if two effect
 system may name the entries of its arrays (`System.parameter_names`).
 """
 
+import dataclasses
 from collections import Counter
 from typing import Any, NamedTuple
 
@@ -72,7 +73,7 @@ def with_parameters(scene: Scene, values: Array) -> Scene:
     values = jnp.asarray(values, float)
     _checks.check_shape("values", values.shape, parameters(scene).values.shape, "One for each.")
     system, effects = rebuild(scene.field, values)
-    return Scene(system, effects, y0=scene.y0, t1=scene.t1, name=scene.name)
+    return dataclasses.replace(scene, system=system, effects=effects)
 
 
 def rebuild(field: Field, values: Array) -> Field:
