@@ -265,6 +265,21 @@ def unit_of(kind: type, name: str) -> str:
     return ""
 
 
+@functools.cache
+def meaning_of(kind: type, name: str) -> str:
+    """What a field is, by the first words of its line in a class docstring; "" if there is none.
+
+    Example:
+      >>> from jaxdyn import effects
+      >>> meaning_of(effects.HingeDamper, "c"), meaning_of(effects.HingeDamper, "i")
+      ('damping of the hinge', '')
+    """
+    line = rf"^ +{name}: (?:\([^()]*\) )?([^\[,;.]*)"
+    texts = (cls.__dict__.get("__doc__") or "" for cls in kind.__mro__)
+    found = next(filter(None, (re.search(line, text, re.MULTILINE) for text in texts)), None)
+    return " ".join(found[1].split()).rstrip(" :") if found else ""
+
+
 P = ParamSpec("P")
 
 _MOST_ROWS = 8  # most rows of a list in a result

@@ -31,6 +31,9 @@ class RestrictedProblem(System):
     The masses are 1 - mu at x = -mu and mu at x = 1 - mu; units are such that the distance of the
     two and their angular velocity are 1. The energy is -C / 2 with Jacobi's constant C (without the
     term mu (1 - mu) that some authors add).
+
+    Attributes:
+      mu: () mass of the second body as a share of the mass of both [1].
     """
 
     mu: Array = eqx.field(converter=as_float, default=_MOON)
