@@ -94,8 +94,7 @@ def run_command(
         if as_object:
             out.result(record)
         else:
-            first = jaxdyn.integrate.phases.pieces_of(motion)[0]
-            _print(record, end, second(first.scene.labels()), out)
+            _print(record, end, second(scene.labels()), out)
         _draw(motion, out, plot=plot, series=series, energies=energies, title=title)
         _animate(motion, out, animate, seconds)
         _cut_free(motion, out, free_body, at, title)
