@@ -90,7 +90,7 @@ def number_of(n: int, noun: str, plural: str = "") -> str:
 _MOST_NUMBERS = 6  # most numbers of an array that are shown
 _MOST_ENTRIES = 12  # most entries of a state that are shown
 #: Units as in docstrings are names, powers, products and quotients of these.
-TOKEN = r"(?:kg|m|s|N|J|W|rad|Hz)"
+TOKEN = r"(?:kg|km|m|s|day|N|J|W|rad|Hz)"
 _UNIT = rf"\[((?:1|{TOKEN})(?:[ /*^()\d-]|{TOKEN})*)\]"
 
 
@@ -157,8 +157,10 @@ def extent(*arrays: Any, unit: str = "") -> str:
     return brief(max(known), unit) if low == high else f"{low} to {brief(max(known), unit)}"
 
 
-def entries(labels: Sequence[tuple[str, str]], y: Any) -> str:
-    """The entries of a state (k,) by name, with units; the first ones of a long state.
+def entries(
+    labels: Sequence[tuple[str, str]], y: Any, digits: int = 6, most: int = _MOST_ENTRIES
+) -> str:
+    """The entries of a state (k,) by name, with units; the first `most` of a long state.
 
     Example:
       >>> import numpy as np
@@ -169,9 +171,9 @@ def entries(labels: Sequence[tuple[str, str]], y: Any) -> str:
     if values is None:
         return brief(y)
     rows = zip(labels, values, strict=True)
-    written = [f"{name} = {brief(float(x), unit)}" for (name, unit), x in rows]
-    more = len(written) - _MOST_ENTRIES
-    return ", ".join([*written[:_MOST_ENTRIES], *([f"and {more} more"] if more > 0 else [])])
+    written = [f"{name} = {brief(float(x), unit, digits)}" for (name, unit), x in rows]
+    more = len(written) - most
+    return ", ".join([*written[:most], *([f"and {more} more"] if more > 0 else [])])
 
 
 def title_of(scene: Any) -> str:
@@ -205,46 +207,48 @@ def rad_per_second(labels: Sequence[tuple[str, str]]) -> str:
     return f"rad/{unit}" if unit else ""
 
 
-def joule(labels: Sequence[tuple[str, str]]) -> str:
-    """The unit of energy for a state with these labels: "J", or "" where they are not SI units."""
+def in_si(labels: Sequence[tuple[str, str]]) -> bool:
+    """Whether the units of a state with these labels are SI units."""
     speeds = {unit.rpartition("/")[0] for _, unit in labels if "/" in unit}
-    return "J" if second(labels) == "s" and speeds <= {"m", "rad"} else ""
+    return second(labels) == "s" and speeds <= {"m", "rad"}
 
 
-def record(x: Any, units: bool = True) -> str:
+def record(x: Any, named: Callable[[str], str] = str) -> str:
     """A module as its class name with its numbers, and their units from its docstring.
 
+    Args:
+      x: the module.
+      named: what a unit is called: itself, or one in other units; "" for none.
     Example:
       >>> from jaxdyn import effects
-      >>> record(effects.UniformGravity(9.81)), record(effects.UniformGravity(9.81), units=False)
+      >>> record(effects.UniformGravity(9.81)), record(effects.UniformGravity(9.81), lambda _: "")
       ('UniformGravity(g = 9.81 m/s^2)', 'UniformGravity(g = 9.81)')
     """
     parts, entries = [], getattr(x, "parameter_names", dict)()
     for field in filter(lambda field: field.init and field.repr, dataclasses.fields(x)):
         inner = getattr(x, field.name, None)
         if field.name in entries:
-            named = zip(entries[field.name], inner, strict=True)
-            parts += [f"{name} = {part(one, '', units)}" for name, one in named]
+            pairs = zip(entries[field.name], inner, strict=True)
+            parts += [f"{name} = {part(one, '', named)}" for name, one in pairs]
             continue
         # Options at their defaults, and unset fields, are omitted.
         if inner is None or (field.metadata.get("static") and inner == field.default):
             continue
-        unit = unit_of(type(x), field.name) if units else ""
-        parts.append(f"{field.name} = {part(inner, unit, units)}")
+        unit = named(unit_of(type(x), field.name))
+        parts.append(f"{field.name} = {part(inner, unit, named)}")
     return f"{type(x).__name__.strip('_')}({', '.join(parts)})"
 
 
-def part(x: Any, unit: str, units: bool) -> str:
+def part(x: Any, unit: str, named: Callable[[str], str] = str) -> str:
     if dataclasses.is_dataclass(x):
-        return record(x, units)
+        return record(x, named)
     if isinstance(x, tuple) and hasattr(x, "_fields"):
-        named = x._asdict().items()
-        inner = ", ".join(f"{name} = {part(one, '', units)}" for name, one in named)
+        inner = ", ".join(f"{name} = {part(one, '', named)}" for name, one in x._asdict().items())
         return f"{type(x).__name__}({inner})"
     if isinstance(x, dict):
-        return "{" + ", ".join(f"{key}: {part(x[key], unit, units)}" for key in x) + "}"
+        return "{" + ", ".join(f"{key}: {part(x[key], unit, named)}" for key in x) + "}"
     if isinstance(x, tuple | list):
-        return _tuple_text(part(one, unit, units) for one in x)
+        return _tuple_text(part(one, unit, named) for one in x)
     return getattr(x, "__name__", None) or brief(x, unit)
 
 
@@ -261,13 +265,31 @@ def unit_of(kind: type, name: str) -> str:
     return ""
 
 
+@functools.cache
+def meaning_of(kind: type, name: str) -> str:
+    """What a field is, by the first words of its line in a class docstring; "" if there is none.
+
+    Example:
+      >>> from jaxdyn import effects
+      >>> meaning_of(effects.HingeDamper, "c"), meaning_of(effects.HingeDamper, "i")
+      ('damping of the hinge', '')
+    """
+    line = rf"^ +{name}: (?:\([^()]*\) )?([^\[,;.]*)"
+    texts = (cls.__dict__.get("__doc__") or "" for cls in kind.__mro__)
+    found = next(filter(None, (re.search(line, text, re.MULTILINE) for text in texts)), None)
+    return " ".join(found[1].split()).rstrip(" :") if found else ""
+
+
 P = ParamSpec("P")
 
 _MOST_ROWS = 8  # most rows of a list in a result
 _WIDTH = 100  # characters of a line
 
-#: Spaces without a line break: around an equals sign, and before and within units.
-_TOGETHER = re.compile(rf" (?==)|(?<==) |(?<=[\w)]) (?={TOKEN}(?:[/^* ,)]|$))")
+#: Spaces without a line break: around an equals sign, between a number and the word or the unit
+#: behind it, and within units.
+_TOGETHER = re.compile(
+    rf" (?==)|(?<==) |(?<=\d) (?=[^\W\d])|(?<=[\w)]) (?={TOKEN}(?:[/^* ,)]|$)|\w+(?:\^\d|/\w))"
+)
 
 
 def never_raising(written: Callable[P, str]) -> Callable[P, str]:
@@ -306,7 +328,7 @@ def _field(kind: type, name: str, x: Any) -> str:
     code = (*getattr(inspect.get_annotations(kind).get(name), "__metadata__", ()), None)[0]
     values = as_lists(x) if code else None
     if code is None or values is None:
-        return part(x, unit_of(kind, name), True)
+        return part(x, unit_of(kind, name))
     if not isinstance(values, list):
         return code(values).name
     counts = collections.Counter(x.ravel().tolist()).most_common()

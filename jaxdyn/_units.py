@@ -99,6 +99,45 @@ def _known(word: str) -> tuple[float, dict[str, int]] | None:
     return _KNOWN.get(word) or (_KNOWN.get(word.lower()) if len(word) > 2 else None)
 
 
+#: Units that stand for products of base units.
+_DERIVED = re.compile(r"\b(N|J|W)\b")
+
+
+def in_base_units(unit: str, names: tuple[str, str, str]) -> str:
+    """A unit made of m, kg, s and of N, J, W, for base units with other names.
+
+    Args:
+      unit: a unit such as "m/s" or "N/m".
+      names: those of the units of length, mass and time; the mass may be "", where numbers are per
+        mass.
+    Returns:
+      The unit; "" where a part of it is not known.
+    Example:
+      >>> in_base_units("m/s", ("km", "kg", "day")), in_base_units("J", ("AU", "Msun", "day"))
+      ('km/day', 'Msun AU^2/day^2')
+      >>> in_base_units("J", ("km", "", "day"))
+      'km^2/day^2'
+    """
+    others: dict[str, str] = dict(zip(("m", "kg", "s"), names, strict=True))
+    if all(name == other for name, other in others.items()):
+        return unit
+    if all(others.values()) and not _DERIVED.search(unit):
+        return re.sub(r"\b(m|kg|s)\b", lambda found: others[found[0]], unit)
+    found = measure(unit)
+    if found is None:
+        return ""
+    powers = {others.get(base, base): n for base, n in found.powers}
+    powers.pop("", None)
+    up = [_power(name, n) for name, n in powers.items() if n > 0]
+    down = [_power(name, -n) for name, n in powers.items() if n < 0]
+    over = f"({' '.join(down)})" if len(down) > 1 else "".join(down)
+    return "/".join(filter(None, [" ".join(up) or "1", over]))
+
+
+def _power(name: str, n: int) -> str:
+    return name if n == 1 else f"{name}^{n}"
+
+
 def conversion(name: str, given: str, wanted: str) -> float:
     """The size of a unit in another one of the same quantity.
 

@@ -15,7 +15,6 @@ recompiles. Constructors check nothing, since they also run inside traces; entry
 import contextlib
 import dataclasses
 import functools
-import re
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple, cast
 
@@ -29,7 +28,7 @@ from jaxtyping import Array, Float
 from jaxdyn import _checks, _text
 from jaxdyn._checks import check_kind
 from jaxdyn._records import Record, notes_on
-from jaxdyn._units import measure
+from jaxdyn._units import in_base_units, measure
 from jaxdyn.scales import Groups, groups
 from jaxdyn.sketch import Shape
 from jaxdyn.system import Effect, Points, System, check_field
@@ -270,11 +269,10 @@ class Scene(Record):
         one = jax.tree.map(lambda x: x[(0,) * len(shape)], self) if shape else self
         labels = one.labels()
         second = _text.second(labels)
-        in_si = bool(second) and self.units is None
         rows = [
             ("batch", f"of shape {shape}" if shape else ""),
-            ("system", _text.record(self.system, in_si)),
-            ("effects", ", ".join(_text.record(effect, in_si) for effect in self.effects)),
+            ("system", _text.record(self.system, one.in_units)),
+            ("effects", ", ".join(_text.record(effect, one.in_units) for effect in self.effects)),
             ("start", _text.brief(self.y0) if shape else _text.entries(labels, self.y0)),
             ("span", _text.brief(self.t1, second)),
         ]
@@ -391,7 +389,7 @@ class Scene(Record):
         named = self.system.labels()
         if self.units is not None:
             check_units(self.units)
-            return tuple((name, self.in_units(unit)) for name, unit in named)
+            return tuple((name, in_base_units(unit, self.units)) for name, unit in named)
         if any(effect.without_units for effect in self.effects):
             return tuple((name, "1") for name, _ in named)
         return named
@@ -404,10 +402,28 @@ class Scene(Record):
         named = {part.points[0]: part.name for part in parts if len(part.points) == 1}
         return tuple(named.get(i, f"body {i + 1}") for i in range(count))
 
+    @property
+    def base_units(self) -> tuple[str, str, str] | None:
+        """Names of the units of length, mass and time; None where there are none, or not known.
+
+        The mass is "" where energies are per mass.
+        """
+        labels = self.labels()
+        if self.units is None:
+            own = self.system.base_units()
+            return own or (_SI if _text.in_si(labels) else None)
+        return self.units if any(unit != "1" for _, unit in labels) else None
+
     def in_units(self, unit: str) -> str:
-        """A unit made of m, kg and s, such as "m/s", in those of the scene."""
-        others = dict(zip(_SI, self.units or _SI, strict=True))
-        return re.sub(r"\b(m|kg|s)\b", lambda found: others[found[0]], unit)
+        """A unit made of m, kg and s, such as "J", in those of the scene; "" where not known.
+
+        Example:
+          >>> from jaxdyn import scenes
+          >>> scenes.n_body(units=("AU", "Msun", "day")).in_units("J")
+          'Msun AU^2/day^2'
+        """
+        names = self.base_units
+        return "" if names is None else in_base_units(unit, names)
 
     def check(self) -> None:
         """Raise ValueError if a number is invalid; traced numbers pass."""

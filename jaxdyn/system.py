@@ -24,6 +24,9 @@ from jaxdyn._records import check_repeatable
 from jaxdyn.joints import Joint, Load, Part
 from jaxdyn.sketch import Shape
 
+#: In the metadata of a field: it is a unit of the equations, which titles of pictures leave out.
+UNIT = "unit"
+
 
 class Points(NamedTuple):
     """Material points: positions r (n, d) [m], velocities v (n, d) [m/s], masses m (n,) [kg]."""
@@ -146,6 +149,14 @@ class System(Record):
     @abc.abstractmethod
     def labels(self) -> tuple[tuple[str, str], ...]:
         """(name, unit) of each of the k entries of the state."""
+
+    def base_units(self) -> tuple[str, str, str] | None:
+        """Names of its units of length, mass and time, where its equations are not in SI units.
+
+        The mass is "" where energies are per mass. None, the default, leaves it to `labels` whether
+        the units are m, kg and s.
+        """
+        return None
 
     def parameter_names(self) -> dict[str, tuple[str, ...]]:
         """For attributes that are arrays of parameters, the names of these; others have indices."""

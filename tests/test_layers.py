@@ -39,6 +39,7 @@ BELOW = {
         "jaxdyn/chaos",
         "jaxdyn/continuation",
         "jaxdyn/fitting",
+        "jaxdyn/vibration",
     ),
     "jaxdyn/hard": ("jaxdyn/accuracy", "jaxdyn/scenes", "jaxdyn/ensemble"),
     "jaxdyn/course": ("jaxdyn/hard", "jaxdyn/player", "jaxdyn/drawing", "jaxdyn/symbolic"),

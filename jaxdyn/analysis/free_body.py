@@ -111,7 +111,8 @@ class FreeBodies(NamedTuple):
       largest: magnitude of the largest force, or of the largest m a if that is larger [N].
       residual: largest difference of sum F and m a on a body over `largest`, or of sum M and dL/dt
         over the largest moment [1].
-      units: whether the numbers have units; they have none with G = 1.
+      units: those of mass, length, force, moment and time; "" where the numbers have none, as with
+        G = 1.
       determined: whether the equations determine all forces; where they do not, as with one rod
         too many, the smallest are chosen.
     """
@@ -120,7 +121,7 @@ class FreeBodies(NamedTuple):
     bodies: tuple[FreeBody, ...]
     largest: float
     residual: float
-    units: bool
+    units: tuple[str, str, str, str, str]
     determined: bool
 
     def body(self, name: str) -> FreeBody:
@@ -134,7 +135,7 @@ class FreeBodies(NamedTuple):
 
     @_text.never_raising
     def __repr__(self) -> str:
-        kg, m, newton, moment, second = self.named_units()
+        kg, m, newton, moment, second = self.units
         rows = []
         for body in self.bodies:
             rows += [(body.name, f"m = {brief(body.m, kg)}, at {brief(body.centre, m)}")]
@@ -150,10 +151,6 @@ class FreeBodies(NamedTuple):
         return table(f"Free bodies at t = {brief(self.t, second)}", rows)
 
     _repr_html_ = _text.html
-
-    def named_units(self) -> tuple[str, str, str, str, str]:
-        """Units of mass, length, force, moment and time; "" where the numbers have none."""
-        return ("kg", "m", "N", "N m", "s") if self.units else ("", "", "", "", "")
 
 
 @check_first
@@ -215,7 +212,8 @@ def free_body(scene: Scene, t=0.0, y=None) -> FreeBodies:
             f"a difference of {residual:.1e} of the largest force",
             f"The `bodies` and `joints` of {type(system).__name__} do not describe its equations.",
         )
-    units = bool(_text.second(scene.labels()))
+    kg, m, newton, moment, second = map(scene.in_units, ("kg", "m", "N", "N m", "s"))
+    units = kg, m, newton, moment, second or _text.second(scene.labels())
     return FreeBodies(float(t), tuple(bodies), largest, residual, units, determined)
 
 

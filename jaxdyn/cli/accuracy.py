@@ -42,14 +42,14 @@ def accuracy_command(
             jaxdyn.solvers.choice.reason(scene),
         )
         if jaxdyn.solvers.RADAU9.name in {curve.solver for curve in found.curves}:
-            why += "; the scene is stiff: after a thousand steps that stability limits, Radau 9"
+            why += "; the scene is stiff: Radau 9 takes over after 1000 steps limited by stability"
         if as_object:
             default = {"default": method.name, "reason": why}
             out.result({"scene": name} | default | found.as_dict() | _recommendation(found, digits))
         else:
             _print(name, found, digits, out)
             rtol = jaxdyn.solvers.choice.RTOL
-            out.print(f"by default, at rtol {rtol:g}: {method.name}, since {why}")
+            out.print(f"the default at rtol {rtol:g} is {method.name}, since {why}")
         if plot:
             with out.writing(plot, "drawn in"):
                 jaxdyn.drawing.work_precision(found, plot, title=title or name)
@@ -63,7 +63,7 @@ def _recommendation(found: "jaxdyn.accuracy.work_precision.WorkPrecision", digit
 def _print(
     name: str, found: "jaxdyn.accuracy.work_precision.WorkPrecision", digits: float, out: Screen
 ) -> None:
-    out.print(f"[bold]{name}[/bold], {found.quantity}:")
+    out.print(f"[bold]{name}[/bold]: time for each number of correct digits ({found.quantity})")
     for n in _SHOWN:
         times = {solver: t.median for solver, t in found.at(10.0**-n).items()}
         reached = {solver: s for solver, s in times.items() if not math.isnan(s)}
@@ -71,21 +71,24 @@ def _print(
             out.print(f"  {n:2} digits: not reached")
             continue
         best = min(reached, key=reached.__getitem__)
-        others = ", ".join(f"{s} {_time(x)}" for s, x in reached.items() if s != best)
-        more = f"  ({others})" if others else ""
-        out.print(f"  {n:2} digits: {_time(reached[best])} by {best}{more}")
-    compiling = ", ".join(f"{c.solver} {c.compiling:.1f} s" for c in found.curves)
-    out.print(f"  compiling, once: {compiling}")
+        others = ", ".join(f"{s}: {_time(x)}" for s, x in reached.items() if s != best)
+        more = f" ({others})" if others else ""
+        out.print(f"  {n:2} digits: {_time(reached[best])} with {best}{more}")
+    compiling = ", ".join(f"{c.solver}: {c.compiling:.1f} s" for c in found.curves)
+    out.print(f"compilation, only once: {compiling}")
     choice = found.recommend(digits)
     if choice:
+        adaptive = next(c.adaptive for c in found.curves if c.solver == choice.solver)
+        at = f"rtol {choice.fineness:.0e}" if adaptive else f"steps of {choice.fineness:.3g}"
         out.print(
-            f"for {digits:g} digits: {choice.solver} at {choice.fineness:.0e}, which takes "
-            f"{_time(choice.seconds)} and errs by {choice.error:.1e}"
+            f"recommended for {digits:g} digits: {choice.solver} with {at}, which takes "
+            f"{_time(choice.seconds)}; its relative error is {choice.error:.1e}"
         )
         return
     best = min((r.error for c in found.curves for r in c.rungs), default=math.nan)
     out.print(
-        f"{digits:g} digits are out of reach: the best error is {best:.1e}. Shorten the span."
+        f"{digits:g} digits cannot be reached: the smallest relative error is {best:.1e}. "
+        "A shorter span, --t1, may help."
     )
 
 

@@ -7,7 +7,7 @@ import typer
 from rich.markup import escape
 
 import jaxdyn
-from jaxdyn._text import choice, fail, number_of, whole
+from jaxdyn._text import brief, choice, fail, number_of, second, whole
 from jaxdyn.cli import completion
 from jaxdyn.cli.docstrings import scene_settings, solver_names
 from jaxdyn.cli.messages import in_options
@@ -94,7 +94,7 @@ def run_command(
         if as_object:
             out.result(record)
         else:
-            _print(record, end, out)
+            _print(record, end, second(scene.labels()), out)
         _draw(motion, out, plot=plot, series=series, energies=energies, title=title)
         _animate(motion, out, animate, seconds)
         _cut_free(motion, out, free_body, at, title)
@@ -177,13 +177,15 @@ def _method(name: str) -> "jaxdyn.solvers.Method | None":
     return None if name == "auto" else getattr(jaxdyn.solvers, name.upper())
 
 
-def _print(record: dict, end: "jaxdyn.accuracy.EndError", out: Screen) -> None:
-    out.print(f"[bold]{record['scene']}[/bold] at t = {record['t'][-1]:g}:")
+def _print(record: dict, end: "jaxdyn.accuracy.EndError", time: str, out: Screen) -> None:
+    """Print the end of a motion, with its error, its phases and its energy; `time` is a unit."""
+    out.print(f"[bold]{record['scene']}[/bold] at t = {escape(brief(record['t'][-1], time))}:")
     for label, shown in zip(record["labels"], end.written(), strict=True):
         out.print(f"  {escape(label):24} {shown}")
     out.print(end.message)
     for phase in record["phases"]:
-        out.print(f"  {phase['name']:12} from {phase['t0']:.9g} to {phase['t1']:.9g}")
+        ends = f"from {phase['t0']:.9g} to {brief(phase['t1'], time, digits=9)}"
+        out.print(f"  {phase['name']:12} {escape(ends)}")
     if record["energy_message"]:
         out.print(escape(record["energy_message"]))
     out.print(f"{number_of(record['steps'], 'step')}, {record['rejected']} rejected")

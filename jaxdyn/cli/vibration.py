@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 import jaxdyn
-from jaxdyn._text import brief, fail, joule, second, whole, with_unit
+from jaxdyn._text import brief, entries, fail, rad_per_second, second, whole
 from jaxdyn.cli.docstrings import scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
@@ -93,7 +93,7 @@ def _print(
 ) -> None:
     names = [label for label, _ in scene.labels()]
     unit = second(scene.labels())
-    place = ", ".join(f"{x} = {brief(float(y))}" for x, y in zip(names, scene.y0, strict=True))
+    place = entries(scene.labels(), scene.y0, most=len(scene.y0))
     out.print(f"[bold]{escape(name)}[/bold] about {escape(place)}")
     table = Table("mode", f"frequency{escape(f' [rad/{unit}]') if unit else ''}", "damping ratio")
     shapes = found.shapes
@@ -123,29 +123,20 @@ def _response(scene: "jaxdyn.Scene", asked: tuple, files: tuple, out: Screen) ->
     low, high = _range(within, scene)
     ratio = (high / low) ** (1 / (samples - 1))
     omega = [low * ratio**i for i in range(samples)]
-    values = jaxdyn.vibration.receptance(scene, given, output, omega)
-    unit = second(scene.labels())
-    unit = unit and f"rad/{unit}"
-    size, at = _largest(scene, given, output, omega)
-    peak = f"{brief(size)} at {brief(at, unit)}"
-    out.print(f"largest receptance of {output} by a force on {given}: {peak}")
-    what = with_unit(f"{output} / force on {given}", _unit(scene, given, output))
+    found = jaxdyn.vibration.transfer_function(scene, given, output)
+    size, at = _largest(scene, found, omega)
+    peak = f"{brief(size, found.unit)} at {brief(at, rad_per_second(scene.labels()))}"
+    out.print(escape(f"largest receptance, {found.name}: {peak}"))
     if plot:
         with out.writing(plot, "drawn in"):
-            jaxdyn.drawing.bode(omega, values, plot, magnitude=what, title=title)
+            jaxdyn.drawing.bode(omega, found, plot, title=title)
     if csv:
         with out.writing(csv, "written to"):
-            rows = [
-                (w, abs(h), math.atan2(h.imag, h.real))
-                for w, h in zip(omega, values.tolist(), strict=True)
-            ]
-            jaxdyn.files.tables.write_columns(
-                csv, [f"omega [{unit}]" if unit else "omega", what, "phase [rad]"], rows
-            )
+            jaxdyn.files.tables.write_labelled(csv, found.table(omega))
 
 
 def _largest(
-    scene: "jaxdyn.Scene", given: str, output: str, omega: list[float]
+    scene: "jaxdyn.Scene", found: "jaxdyn.vibration.TransferFunction", omega: list[float]
 ) -> tuple[float, float]:
     """The largest receptance between the first and the last frequency, and its frequency.
 
@@ -156,21 +147,12 @@ def _largest(
     tried = sorted([*omega, *(w for w in natural if omega[0] < w < omega[-1])])
     best = (0.0, omega[0])
     for _ in range(_REFINEMENTS):
-        values = jaxdyn.vibration.receptance(scene, given, output, tried)
-        sizes = [abs(x) for x in values.tolist()]
+        sizes = [abs(x) for x in found.at(tried).tolist()]
         top = max(range(len(tried)), key=sizes.__getitem__)
         best = max(best, (sizes[top], tried[top]))
         low, high = tried[max(top - 1, 0)], tried[min(top + 1, len(tried) - 1)]
         tried = [low + (high - low) * i / (_FINER - 1) for i in range(_FINER)]
     return best
-
-
-def _unit(scene: "jaxdyn.Scene", given: str, output: str) -> str:
-    """The unit of an output over a force on a coordinate; "1" where one is not known."""
-    labels = dict(scene.labels())
-    known = joule(scene.labels()) and scene.has_points  # plain equations have forces per mass
-    force = {"m": "N", "rad": "(N m)"}.get(labels[given]) if known else None
-    return "1" if force is None else f"{labels[output]}/{force}"
 
 
 def _range(within: str | None, scene: "jaxdyn.Scene") -> tuple[float, float]:

@@ -11,7 +11,7 @@ pictures), `panels` (axes for motions), `solid` (axes in space), `curves`, `stro
 `titles`. Only the command lines and `orbits.drawing` import this folder, since Matplotlib is slow
 to load; ``import jaxdyn.drawing`` does not load it.
 
-May import: `files`, `scenes`, `chaos`, `continuation`, `fitting`.
+May import: `files`, `scenes`, `chaos`, `continuation`, `fitting`, `vibration`.
 
 To add a picture, write a file with a function ``name(found, path=None, *, title=None)`` that checks
 its path by `output_files.picture_path`, draws on `figures.blank` with `figures.style` and ends with

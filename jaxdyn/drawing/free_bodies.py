@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.path import Path
 from matplotlib.transforms import Bbox
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _text
 from jaxdyn._checks import check_kind
 from jaxdyn._text import brief
 from jaxdyn.analysis.free_body import BALANCE, Force, FreeBodies, FreeBody
@@ -143,12 +143,13 @@ def _at(motion: Trajectory | HybridTrajectory, t, y) -> tuple[Scene, Any, Any]:
                 return piece.scene, t, piece.ys[i]
             near = piece.scene.starting(piece.ys[i])
             return piece.scene, t, simulate(near, t, t0=ts[i], samples=2, rtol=1e-12).ys[-1]
-    ends = f"{float(pieces[0].ts[0]):g} s to {float(pieces[-1].ts[-1]):g} s"
+    times = (float(ts) for ts in (pieces[0].ts[0], pieces[-1].ts[-1]))
+    ends = " to ".join(brief(x, _text.second(pieces[0].scene.labels())) for x in times)
     raise _checks.fail("t", f"a time of the motion, from {ends}", t)
 
 
 def _verdict(found: FreeBodies) -> str:
-    second = found.named_units()[-1]
+    second = found.units[-1]
     rigid = any(body.rigid for body in found.bodies)
     moments = " and their moments about its mass centre to dL/dt" if rigid else ""
     return (
@@ -231,7 +232,7 @@ def _together(ax, shapes: list, found: FreeBodies, centres: np.ndarray, view: np
         _axes(ax, corner + half * np.array([0.3, 0.1]), 0.22 * half, view)
     else:
         ax.plot(corner[0] + np.array([0, length]), [corner[1]] * 2, color=INK, lw=1.2)
-        unit = found.named_units()[1]
+        unit = found.units[1]
         ax.text(
             corner[0] + length / 2,
             corner[1] + 0.03 * half,
@@ -293,11 +294,11 @@ def _alone(
         ax.plot(0, 0, "o", color=INK, mfc="white", ms=5, zorder=3)
     else:
         ax.plot(0, 0, "o", color=INK, ms=9, zorder=3)
-    title = f"{body.name}, m = {brief(body.m, found.named_units()[0])}"
+    title = f"{body.name}, m = {brief(body.m, found.units[0])}"
     labels = _Labels(ax, above=ax.set_title(title, fontsize=10, y=0.98))
     labels.keep_off([line for _, line in shown])
     wanted = []
-    moment = found.named_units()[3]
+    moment = found.units[3]
     drawn: list[np.ndarray] = []
     arcs: list[np.ndarray] = []
     for f in body.forces:
@@ -347,7 +348,7 @@ def _name_of(f: Force, found: FreeBodies) -> str:
     star = "*" if f.source == BALANCE else ""
     size = _magnitude(f.force)
     size = 0.0 if size <= 1e-12 * found.largest else size
-    return f"{f.name}{star}\n{brief(size, found.named_units()[2], 4)}"
+    return f"{f.name}{star}\n{brief(size, found.units[2], 4)}"
 
 
 def _magnitude(x: np.ndarray) -> float:
@@ -393,7 +394,8 @@ def _draw_motion(
         _arrow(ax, corner, tip, colour, width=1.4)
         labels.keep_off([np.stack([corner, tip])])
         way = (tip - corner) / max(_magnitude(tip - corner), 1e-300)
-        unit = {"velocity": "m/s", "acceleration": "m/s^2"}[which] if found.units else ""
+        _, m, *_, second = found.units
+        unit = f"{m}/{second}{'' if which == 'velocity' else '^2'}" if m else ""
         wanted.append((tip, way, f"{which[0]} = {brief(_magnitude(x), unit, 4)}", colour))
     return wanted
 
@@ -405,7 +407,7 @@ def _reach(body: FreeBody) -> float:
 
 def _account(body: FreeBody, found: FreeBodies) -> list[str]:
     """The sums of a body as lines of text."""
-    _, _, newton, moment, _ = found.named_units()
+    _, _, newton, moment, _ = found.units
     tiny = 1e-12 * max(found.largest, body.inertial[0], 1e-300)
 
     def row(x, unit, least):

@@ -8,9 +8,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
 from jaxdyn import _checks
+from jaxdyn._text import with_unit
 from jaxdyn.drawing.figures import INK, blank, finish, legend_below, legend_entries, shades, style
 from jaxdyn.drawing.titles import readable
 from jaxdyn.files.output_files import picture_path
+from jaxdyn.vibration.transfer import TransferFunction
 
 _FEW_DECADES = 300.0  # ratio of frequencies below which ticks between powers of 10 have labels
 
@@ -21,18 +23,19 @@ def bode(
     path=None,
     *,
     names: Sequence[str] = (),
-    magnitude: str = "magnitude",
-    frequency: str = "frequency [rad/s]",
+    magnitude: str | None = None,
+    frequency: str | None = None,
     title: str | None = None,
 ) -> Figure:
     """A Bode plot: magnitudes on logarithmic scales, and phases in degrees.
 
     Args:
       omega: (s,) angular frequencies, > 0 [rad/s].
-      values: (s,) or (s, n) complex responses at them, such as those of `vibration.receptance`.
+      values: the result of `vibration.transfer_function`, whose names and units are then shown; or
+        (s,) or (s, n) complex responses at these frequencies, as of `vibration.receptance`.
       path: file to write, .png, .pdf or .svg.
       names: names of the n responses.
-      magnitude: name of the magnitude, with its unit.
+      magnitude: name of the magnitude, with its unit; by default that of the transfer function.
       frequency: name of the frequency, with its unit.
       title: title of the picture.
     Raises:
@@ -41,6 +44,10 @@ def bode(
     path = picture_path(path)
     _checks.check_untraced("bode", (omega, values), "Draw what a compiled function returns.")
     omega = np.asarray(_checks.positive("omega", omega, "The axis is logarithmic."))
+    known = ("magnitude", "frequency [rad/s]")
+    if isinstance(values, TransferFunction):
+        known = (with_unit(values.name, values.unit), values.frequency)
+        values = values.at(omega)
     values = np.asarray(values).reshape(len(omega), -1)
     if names and len(names) != values.shape[1]:
         raise _checks.fail("names", f"{values.shape[1]}, one for each response", len(names))
@@ -51,8 +58,8 @@ def bode(
         axes[0].loglog(omega, np.abs(values[:, i]), color=colour, lw=1.6, label=label)
         phases = np.degrees(np.unwrap(np.angle(values[:, i])))
         axes[1].semilogx(omega, phases, color=colour, lw=1.6, label=label)
-    axes[0].set(ylabel=magnitude)
-    axes[1].set(xlabel=frequency, ylabel="phase [deg]")
+    axes[0].set(ylabel=known[0] if magnitude is None else magnitude)
+    axes[1].set(xlabel=known[1] if frequency is None else frequency, ylabel="phase [deg]")
     if omega.max() < _FEW_DECADES * omega.min():  # the powers of 10 alone would be too few
         axes[1].xaxis.set_minor_locator(LogLocator(subs=(2.0, 3.0, 5.0)))
         axes[1].xaxis.set_major_formatter("{x:g}")

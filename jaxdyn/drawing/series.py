@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from jaxdyn import _checks
 from jaxdyn._checks import check_first
-from jaxdyn._text import joule, second
+from jaxdyn._text import second, with_unit
 from jaxdyn.analysis.energy import NAMES, energies
 from jaxdyn.drawing.contents import why_stopped
 from jaxdyn.drawing.curves import quantities, samples_reached, states
@@ -21,6 +21,8 @@ from jaxdyn.files.output_files import picture_path
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
+from jaxdyn.vibration.forcing import driving
+from jaxdyn.vibration.signals import Signal
 
 _ENERGIES = "energy"  # the panel of all energies
 
@@ -40,11 +42,12 @@ def time_series(
         separated by lines.
       path: file to write, .png, .pdf or .svg.
       names: what to draw, the entries of the state by default: their labels, and "kinetic",
-        "potential" and "total" for energies, e.g. ``["x", "vx", "kinetic", "potential"]``.
+        "potential" and "total" for energies, e.g. ``["x", "vx", "kinetic", "potential"]``; and
+        what drives the scene, see `vibration.drive`: "force on x", "displacement" of a road.
       title: title of the picture; by default the scene with its numbers, "" for none.
     Raises:
-      ValueError: `names` has an unknown label, or an energy that the scene does not have; `motion`
-        is a batch, or `path` cannot be written.
+      ValueError: `names` has an unknown label, or an energy or an input that the scene does not
+        have; `motion` is a batch, or `path` cannot be written.
     """
     path = picture_path(path)
     pieces = pieces_of(motion)
@@ -72,8 +75,8 @@ def time_series(
             dash = ("-", "--", ":")[i // len(PALETTE) % 3]
             ax.plot(ts, values[name], dash, color=PALETTE[i % len(PALETTE)], lw=1.6, label=name)
         ax.margins(x=0)
-        unit = next((entries[x] for x in names if panel_of[x] == panel and x in entries), "")
-        ax.set_ylabel(_of_energies(scene) if panel == _ENERGIES else "" if plain else f"[{unit}]")
+        first = next(x for x in names if panel_of[x] == panel)
+        ax.set_ylabel(_of_panel(scene, first, panel))
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     axes[-1].set_xlabel("t" if plain else f"t [{second(scene.labels())}]")
     axes[0].set_title(lines, fontsize=10)
@@ -89,12 +92,17 @@ def _panels(scene: Scene, names: Sequence[str]) -> dict[str, str]:
     labels = dict(scene.system.labels())
     asked = {*NAMES} & {*names} - {*labels}
     known = jax.eval_shape(_energies, scene) if scene.has_energy or asked else ()
-    return dict.fromkeys(known, _ENERGIES) | labels
+    inputs = {name: one.unit or name for name, one in driving(scene).items()}
+    return dict.fromkeys(known, _ENERGIES) | inputs | labels
 
 
-def _of_energies(scene: Scene) -> str:
-    unit = joule(scene.labels())
-    return f"energy [{unit}]" if unit else "energy"
+def _of_panel(scene: Scene, name: str, panel: str) -> str:
+    """The label of the panel in which a quantity is, its unit; "" without one."""
+    entries, inputs = dict(scene.labels()), driving(scene)
+    if name not in entries and panel == _ENERGIES:
+        return with_unit("energy", scene.in_units("J"))
+    unit = entries[name] if name in entries else inputs[name].unit
+    return with_unit("", unit).strip()
 
 
 def _values(piece: Trajectory, pieces: int, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
@@ -102,9 +110,16 @@ def _values(piece: Trajectory, pieces: int, names: Sequence[str]) -> tuple[np.nd
     count = samples_reached(piece)
     ts, ys = states(piece, count, pieces)
     found = dict(zip(dict(piece.scene.labels()), ys.T, strict=True))
+    inputs = driving(piece.scene)
+    found = {name: _along(inputs[name].signal, ts) for name in names if name in inputs} | found
     if not set(names) <= set(found):
         found = quantities(piece, count, pieces, energies) | found
     return ts, np.stack([found[name] for name in names], axis=1)
+
+
+@jax.jit
+def _along(signal: Signal, ts: Array) -> Array:
+    return jax.vmap(signal)(ts)
 
 
 def _energies(scene: Scene) -> dict[str, Array]:

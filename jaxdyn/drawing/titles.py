@@ -18,6 +18,7 @@ from jaxdyn.geometry.inertia import MaterialPoints
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene, System
+from jaxdyn.system import UNIT
 
 _CHARACTER = 0.078  # width of a character of a title in 10 points [in]
 _SPACE = "\0"  # stands for a space at which lines are not broken
@@ -133,12 +134,14 @@ def _with_numbers(words: str, parts: Sequence[_Part]) -> str:
 def _numbers(part: eqx.Module | dict) -> dict[str, str]:
     """The numbers of a part and of its fields, by name.
 
-    Long arrays are omitted, and numbers that are 0 by default: a phase, an anchor at the origin.
+    Long arrays are omitted, units of the equations, and numbers that are 0 by default: a phase, an
+    anchor at the origin.
     """
     if isinstance(part, dict):
         named = [(str(key), x) for key, x in part.items()]
     else:
-        named = [(f.name, getattr(part, f.name)) for f in dataclasses.fields(part)]
+        shown = [f for f in dataclasses.fields(part) if UNIT not in f.metadata]
+        named = [(f.name, getattr(part, f.name)) for f in shown]
         none = {f.name for f in dataclasses.fields(part) if _is_zero(f.default)}
         named = [(name, x) for name, x in named if not (name in none and _is_zero(x))]
     found, entries = {}, part.parameter_names() if isinstance(part, System) else {}

@@ -94,13 +94,17 @@ def _force(effect: CentralForce, points: Points) -> Array:
 
 
 class PowerLaw(CentralForce):
-    """Attraction f(r) = k r^n towards the origin; k [N/m^n], any real exponent n.
+    """Attraction f(r) = k r^n towards the origin, with any real exponent n.
 
     The energy is k r^(n+1) / (n+1), and k log r for n = -1. The gravity of a fixed sun has n = -2,
     a spring of rest length 0 has n = 1, and for n = -1 all circular orbits have the same speed.
 
     Limits: the derivative of the energy with respect to n is meaningless at n = -1 itself, where
       the constant in the energy is infinite.
+
+    Attributes:
+      k: () strength of the attraction, in N/m^n.
+      n: () exponent [1].
     """
 
     k: Array = eqx.field(converter=as_float, default=1.0)

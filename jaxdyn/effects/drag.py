@@ -15,7 +15,11 @@ from jaxdyn.scene import Effect, Points
 
 
 class _Drag(Effect):
-    """A force that depends on the velocity relative to the air, v - wind."""
+    """A force that depends on the velocity relative to the air, v - wind.
+
+    Attributes:
+      wind: (d,) velocity of the air, or 0 [m/s].
+    """
 
     c: Array = eqx.field(converter=as_float)
     wind: Array = eqx.field(converter=as_float, default=0.0)
@@ -33,7 +37,12 @@ class _Drag(Effect):
 
 
 class LinearDrag(_Drag):
-    """Drag -c (v - wind) on each point; c [kg/s], wind (d,) [m/s] or 0."""
+    """Drag -c (v - wind) on each point.
+
+    Attributes:
+      c: () drag coefficient [kg/s].
+      wind: (d,) velocity of the air, or 0 [m/s].
+    """
 
     def force(self, t, r, v, m):
         del t, r, m
@@ -41,7 +50,12 @@ class LinearDrag(_Drag):
 
 
 class QuadraticDrag(_Drag):
-    """Drag -c |v - wind| (v - wind) on each point; c [kg/m], wind (d,) [m/s] or 0."""
+    """Drag -c |v - wind| (v - wind) on each point.
+
+    Attributes:
+      c: () drag coefficient [kg/m].
+      wind: (d,) velocity of the air, or 0 [m/s].
+    """
 
     def force(self, t, r, v, m):
         del t, r, m
@@ -58,8 +72,7 @@ def _unless_zero(creep: Any) -> Array | None:
 class DryFriction(Effect):
     """Coulomb friction -mu N u / sqrt(|u|^2 + creep^2) on points that slide.
 
-    mu [1]; normal force N [N], () or (n,), one for each point; u = v - belt is the velocity
-    over the surface, belt (d,) [m/s] or 0.
+    u = v - belt is the velocity over the surface.
 
     With creep = 0, the default, this is Coulomb's law: mu N against the motion, -mu N sign(u) on a
     line. There a point sticks as long as the other forces do not exceed mu N, and slides again when
@@ -69,6 +82,12 @@ class DryFriction(Effect):
     end the motion by an event at a small speed and continue with a phase of rest. A creep [m/s] > 0
     regularises the law: it is smooth, accurate to (creep / u)^2 / 2 for speeds well above it, and
     viscous below it, so that nothing sticks. A creep that is traced and 0 does not stick either.
+
+    Attributes:
+      mu: () coefficient of friction [1].
+      normal: () or (n,) normal force N on each point [N].
+      belt: (d,) velocity of the surface, or 0 [m/s].
+      creep: () speed below which the law is viscous, or 0 [m/s].
     """
 
     mu: Array = eqx.field(converter=as_float)

@@ -73,7 +73,11 @@ _ROWS_FROM = 9
 
 
 class UniformGravity(Effect):
-    """The same acceleration g [m/s^2] for every mass, along the negative last axis."""
+    """The same acceleration g for every mass, along the negative last axis.
+
+    Attributes:
+      g: () acceleration of gravity [m/s^2].
+    """
 
     g: Array = eqx.field(converter=as_float, default=9.81)
     velocity_dependent: ClassVar[bool] = False
@@ -97,9 +101,12 @@ class UniformGravity(Effect):
 
 
 class PairGravity(Effect):
-    """Newtonian attraction G m_i m_j / r_ij^2 between all points; G [m^3/(kg s^2)].
+    """Newtonian attraction G m_i m_j / r_ij^2 between all points.
 
     A point of mass 0, a test particle, is attracted by the others and attracts nothing.
+
+    Attributes:
+      G: () gravitational constant [m^3/(kg s^2)].
     """
 
     G: Array = eqx.field(converter=as_float, default=1.0)

@@ -36,8 +36,12 @@ _ONE_ANGLE = "Leave j out for a damper between a bar and the ground."
 class Spring(Effect):
     """A linear spring with energy k (l - length)^2 / 2, l being the distance of its ends.
 
-    It has the stiffness k [N/m] and the rest length [m], which may be 0. It goes from point i to
-    point j or, where j is None, to an anchor (d,) [m], 0 for the origin.
+    It goes from point i to point j or, where j is None, to an anchor.
+
+    Attributes:
+      k: () stiffness [N/m].
+      length: () rest length, which may be 0 [m].
+      anchor: (d,) position of the anchor, or 0 for the origin [m].
     """
 
     k: Array = eqx.field(converter=as_float)
@@ -74,8 +78,11 @@ class Spring(Effect):
 class Dashpot(Effect):
     """A damper -c dl/dt along the line between its ends, l being their distance.
 
-    It has the coefficient c [kg/s]. It goes from point i to point j or, where j is None, to an
-    anchor (d,) [m], 0 for the origin.
+    It goes from point i to point j or, where j is None, to an anchor.
+
+    Attributes:
+      c: () damping coefficient [kg/s].
+      anchor: (d,) position of the anchor, or 0 for the origin [m].
     """
 
     c: Array = eqx.field(converter=as_float)
@@ -103,8 +110,11 @@ class Dashpot(Effect):
 class CubicSpring(Effect):
     """A spring with energy beta l^4 / 4, l being the distance of its ends: it pulls with beta l^3.
 
-    It has the coefficient beta [N/m^3], which is negative for a spring that softens. It goes from
-    point i to point j or, where j is None, to an anchor (d,) [m], 0 for the origin.
+    It goes from point i to point j or, where j is None, to an anchor.
+
+    Attributes:
+      beta: () cubic stiffness, negative for a spring that softens [N/m^3].
+      anchor: (d,) position of the anchor, or 0 for the origin [m].
     """
 
     beta: Array = eqx.field(converter=as_float)
@@ -136,8 +146,12 @@ class CubicSpring(Effect):
 class Damper(Effect):
     """Viscous damping -c dr/dt in all directions, r being the difference of the ends' positions.
 
-    It has the coefficient c [kg/s]. It goes from point i to point j or, where j is None, to a
-    support with the velocity (d,) [m/s], or 0. A `Dashpot` damps only changes of the distance.
+    It goes from point i to point j or, where j is None, to a support. A `Dashpot` damps only
+    changes of the distance.
+
+    Attributes:
+      c: () damping coefficient [kg/s].
+      velocity: (d,) velocity of the support, or 0 [m/s].
     """
 
     c: Array = eqx.field(converter=as_float)
@@ -159,9 +173,12 @@ class Damper(Effect):
 class HingeDamper(Effect):
     """A damper in a hinge: the torque -c d(angle)/dt on a bar, or on both bars that it joins.
 
-    It has the coefficient c [N m s]. The angle is coordinate i of the system; if j is given, it is
-    the angle between the bars whose angles are i and j, with the opposite torque on j. It is for
-    systems whose coordinates are angles, and acts on any coordinate as if it were one.
+    The angle is coordinate i of the system; if j is given, it is the angle between the bars whose
+    angles are i and j, with the opposite torque on j. It is for systems whose coordinates are
+    angles, and acts on any coordinate as if it were one.
+
+    Attributes:
+      c: () damping of the hinge [N m s].
     """
 
     c: Array = eqx.field(converter=as_float)
@@ -192,8 +209,11 @@ _UNROLLED_LINKS = 64
 class SpringNetwork(Effect):
     """Linear springs along given pairs of points, as one effect.
 
-    It has the stiffness k [N/m] and the rest length [m], each () or (e,), one for each pair;
     `links` are the pairs, e.g. ``((0, 1), (1, 2))``.
+
+    Attributes:
+      k: (e,) stiffnesses of the pairs, or () of all [N/m].
+      length: (e,) rest lengths of the pairs, or () of all [m].
     """
 
     k: Array

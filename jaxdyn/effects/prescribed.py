@@ -20,7 +20,11 @@ _EACH_AXIS = "One component for each axis."
 
 
 class ConstantForce(Effect):
-    """The same force F (d,) [N] on each of the chosen points, all of them if None."""
+    """The same force F on each of the chosen points, all of them if None.
+
+    Attributes:
+      F: (d,) force [N].
+    """
 
     F: Array = eqx.field(converter=as_float)
     on: tuple[int, ...] | None = eqx.field(static=True, default=None)
@@ -39,7 +43,12 @@ class ConstantForce(Effect):
 
 
 class StepForce(Effect):
-    """Zero before time t_on [s], the force F (d,) [N] on the chosen points from then on."""
+    """Zero before time t_on, the force F on the chosen points from then on.
+
+    Attributes:
+      F: (d,) force [N].
+      t_on: () time at which it begins [s].
+    """
 
     F: Array = eqx.field(converter=as_float)
     t_on: Array = eqx.field(converter=as_float, default=0.0)
@@ -55,7 +64,13 @@ class StepForce(Effect):
 
 
 class SinusoidalForce(Effect):
-    """F sin(omega t + phase) on the chosen points; F (d,) [N], omega [rad/s], phase [rad]."""
+    """F sin(omega t + phase) on the chosen points.
+
+    Attributes:
+      F: (d,) amplitude of the force [N].
+      omega: () angular frequency [rad/s].
+      phase: () phase at t = 0 [rad].
+    """
 
     F: Array = eqx.field(converter=as_float)
     omega: Array = eqx.field(converter=as_float)

@@ -43,6 +43,9 @@ class Extended(System):
     def labels(self):
         return (*self.system.labels(), *self.further())
 
+    def base_units(self):
+        return self.system.base_units()
+
     def parameter_names(self):
         return self.system.parameter_names()
 

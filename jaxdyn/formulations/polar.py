@@ -13,12 +13,15 @@ from jaxdyn.system import total_force
 
 
 class PolarParticle(System):
-    """A particle of mass m [kg] in the plane, in polar coordinates: state r, theta, vr, omega.
+    """A particle of mass m in the plane, in polar coordinates: state r, theta, vr, omega.
 
     r'' = r theta'^2 + F_r / m,  theta'' = (F_theta / m - 2 r' theta') / r
 
     Limits: r = 0 is a singularity of the coordinates, not of the motion: a path through the
     origin itself has no omega there (NaN), one that passes near it has a short fast turn.
+
+    Attributes:
+      m: () mass [kg].
     """
 
     m: Array = eqx.field(converter=as_float, default=1.0)

@@ -31,7 +31,12 @@ def _parabola(c: Array, x: Array) -> Shape:
 
 
 class Parabola(Mechanism):
-    """A bead on the wire y = c x^2, described by its x; mass m () [kg], c () [1/m]."""
+    """A bead on the wire y = c x^2, described by its x.
+
+    Attributes:
+      m: () mass [kg].
+      c: () half of the curvature of the wire at the bottom [1/m].
+    """
 
     m: Array
     c: Array
@@ -65,7 +70,12 @@ class Parabola(Mechanism):
 
 
 class TiedParabola(Mechanism):
-    """The same bead in x and y, tied to the wire; the multiplier pushes along (-2 c x, 1)."""
+    """The same bead in x and y, tied to the wire; the multiplier pushes along (-2 c x, 1).
+
+    Attributes:
+      m: () mass [kg].
+      c: () half of the curvature of the wire at the bottom [1/m].
+    """
 
     m: Array
     c: Array
@@ -100,7 +110,12 @@ class TiedParabola(Mechanism):
 
 
 class Cycloid(Mechanism):
-    """A bead on the wire y = c s^2, by the arc length s along it; mass m () [kg], c () [1/m]."""
+    """A bead on the wire y = c s^2, by the arc length s along it.
+
+    Attributes:
+      m: () mass [kg].
+      c: () half of the curvature of the wire at the bottom [1/m].
+    """
 
     m: Array
     c: Array

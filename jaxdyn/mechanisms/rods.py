@@ -71,7 +71,12 @@ class Rods(Mechanism):
 
 
 class TwoOnARod(Mechanism):
-    """Two points on a rod, in any coordinates."""
+    """Two points on a rod, in any coordinates.
+
+    Attributes:
+      m: (2,) masses [kg].
+      length: (1,) length of the rod [m].
+    """
 
     m: Array
     length: Array

@@ -174,7 +174,12 @@ class Sideways(Mechanism):
 
 
 class _OnCart(Mechanism):
-    """A cart and a point on a stick, in any coordinates: length l () [m], masses m (2,) [kg]."""
+    """A cart and a point on a stick, in any coordinates.
+
+    Attributes:
+      m: (2,) masses of the cart and of the point [kg].
+      l: () length of the stick [m].
+    """
 
     m: Array
     l: Array  # noqa: E741 the course's name

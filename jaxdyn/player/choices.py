@@ -244,6 +244,4 @@ def _scene_of(motion: Any) -> Scene:
         raise _checks.fail("motion", "one of controlled steps", "one of equal ones", _PLAYED)
     if not (t0 == 0 < t1 and np.isfinite(last.ys[-1]).all()):
         raise _checks.fail("motion", "one from time 0 to its end", f"{t0} to {t1}", _PLAYED)
-    return Scene(
-        first.scene.system, first.scene.effects, y0=first.ys[0], t1=t1, name=first.scene.name
-    )
+    return first.scene.starting(first.ys[0], t1)

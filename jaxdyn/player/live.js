@@ -574,8 +574,8 @@
     }
 
     // A slider and a field for one number; `set` shows another one.
-    field({ name, unit, bound = "" }, value, does, parent) {
-      const row = this.make("div", { className: "field" }, parent), id = `live-${ids++}`;
+    field({ name, unit, bound = "", meaning = "" }, value, does, parent) {
+      const row = this.make("div", { className: "field", title: meaning }, parent), id = `live-${ids++}`;
       const said = unit ? `${name} [${unit}]` : name;
       this.make("label", { htmlFor: id, textContent: said }, row);
       const slider = this.make("input", { type: "range", step: "any" }, row), number = this.make("input", { type: "number", step: "any", id, value: short(value) }, row);
@@ -654,7 +654,7 @@
       // Parameters without effect in this scene are not shown, such as the phase of a constant force.
       this.numbers = parameters.map((one, i) => {
         if (!one.used) return { set() {}, around() {} };
-        const field = this.field({ name: one.label, unit: one.unit, bound: one.bound }, one.value, (x) => this.set(one.name, x), one.of > SHOWN_ALONE ? rest : panel);
+        const field = this.field({ name: one.label, unit: one.unit, bound: one.bound, meaning: one.meaning }, one.value, (x) => this.set(one.name, x), one.of > SHOWN_ALONE ? rest : panel);
         field.around(this.p[i]);
         field.set(this.p[i]);
         return field;

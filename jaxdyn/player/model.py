@@ -8,6 +8,7 @@ For a shape with many corners, only as many are computed from the state as deter
 which are sums of these with fixed weights: three for a body in the plane, four in space.
 """
 
+import dataclasses
 import itertools
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,7 +22,6 @@ import scipy.linalg
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn._text import unit_of
 from jaxdyn.analysis.momenta import angular_momentum_about, centre_of_mass
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.integrate.events import Event
@@ -32,7 +32,14 @@ from jaxdyn.player.pages import embed
 from jaxdyn.scene import Scene, check_scene
 from jaxdyn.scenes.corners import has_corners, phases_of
 from jaxdyn.symbolic.code import code
-from jaxdyn.symbolic.parameters import Leaf, leaves, parameters, rebuild, with_parameters
+from jaxdyn.symbolic.parameters import (
+    Leaf,
+    description,
+    leaves,
+    parameters,
+    rebuild,
+    with_parameters,
+)
 from jaxdyn.symbolic.symbols import is_of_user, places
 from jaxdyn.system import Effect, Points, System
 
@@ -152,7 +159,7 @@ def _data(scene: Scene, marks: list[str], outlines: list[Outline]) -> dict[str, 
         "entries": _entries(scene),
         "span": float(scene.t1),
         "second": _text.second(scene.labels()),
-        "joule": _text.joule(scene.labels()),
+        "joule": scene.in_units("J"),
         "parameters": _parameters(scene),
         "groups": _groups(scene),
         "terms": _terms(scene),
@@ -222,7 +229,7 @@ def _choices_of(switches: list[tuple[str, tuple[int, ...]]]) -> Iterator[frozens
 def _without(scene: Scene, off: frozenset[int]) -> Scene:
     """A scene without some of its effects."""
     kept = tuple(effect for i, effect in enumerate(scene.effects) if i not in off)
-    return Scene(scene.system, kept, y0=scene.y0, t1=scene.t1, name=scene.name)
+    return dataclasses.replace(scene, effects=kept)
 
 
 def _variant(
@@ -503,10 +510,9 @@ def _groups(scene: Scene) -> dict:
 
 
 def _parameters(scene: Scene) -> list[dict]:
-    """Name, label, value and unit of each parameter, and the size of its array."""
-    units = any(unit != "1" for _, unit in scene.labels())
+    """Name, label, value, unit and meaning of each parameter, and the size of its array."""
     found = [
-        {"unit": _unit(scene, leaf.path) if units else "", "of": leaf.value.size}
+        {**description(scene, leaf.path)._asdict(), "of": leaf.value.size}
         for leaf in leaves(scene.field)
         for _ in range(leaf.value.size)
     ]
@@ -543,19 +549,3 @@ def _label(name: str, leaf: Leaf, place: str, effects: list[str]) -> str:
     stem = re.sub(r"^effects\[(\d+)\]\.", lambda found: f"{effects[int(found[1])]}: ", name)
     stem = re.sub(r"\[[\d,]*\]$", "", stem) if leaf.value.ndim else stem
     return f"{stem} {re.sub(r'(?=[xyz])', ', ', place).lstrip(', ')}".rstrip()
-
-
-def _unit(scene: Scene, path: tuple[str, ...]) -> str:
-    """The unit of a parameter, from the docstring of its class; "" if there is none."""
-    owner: Any = scene.field
-    unit = ""
-    for part in path:
-        if eqx.is_array(owner):  # one of its entries, by a name
-            break
-        if part.startswith("["):
-            owner = owner[int(part[1:-1])]
-        elif isinstance(owner, dict):
-            owner = owner[part]
-        else:
-            unit, owner = unit_of(type(owner), part), getattr(owner, part)
-    return "" if unit == "1" else scene.in_units(unit)

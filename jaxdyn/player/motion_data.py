@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn._text import joule
 from jaxdyn.analysis.energy import change
 from jaxdyn.drawing.contents import Paths, in_time, paths, places
 from jaxdyn.drawing.curves import samples_reached
@@ -193,7 +192,7 @@ def _energy(motion: Trajectory | HybridTrajectory) -> dict | None:
     if not np.isfinite([*values, size]).all():
         return None
     kept = _forwards(np.unique(np.linspace(0, len(ts) - 1, _ENERGIES).astype(int)), ts)
-    unit = joule(pieces[0].scene.labels())
+    unit = pieces[0].scene.in_units("J")
     return {
         "start": float(values[0]),
         "size": size,

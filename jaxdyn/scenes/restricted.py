@@ -16,7 +16,7 @@ from jaxdyn._checks import as_float, check_first
 from jaxdyn.scene import Scene, System
 from jaxdyn.scenes.ready_made import ready_made
 from jaxdyn.sketch import Shape, circle
-from jaxdyn.system import Points
+from jaxdyn.system import UNIT, Points
 
 #: Radius of attracting masses in drawings; in the equations they are points.
 DRAWN = 0.02
@@ -31,6 +31,9 @@ class RestrictedProblem(System):
     The masses are 1 - mu at x = -mu and mu at x = 1 - mu; units are such that the distance of the
     two and their angular velocity are 1. The energy is -C / 2 with Jacobi's constant C (without the
     term mu (1 - mu) that some authors add).
+
+    Attributes:
+      mu: () mass of the second body as a share of the mass of both [1].
     """
 
     mu: Array = eqx.field(converter=as_float, default=_MOON)
@@ -137,12 +140,15 @@ class RestrictedThreeBodyInKilometres(RestrictedThreeBodyInSpace):
       time: 1 over their angular velocity [day].
     """
 
-    distance: Array = eqx.field(converter=as_float, default=1.0)
-    time: Array = eqx.field(converter=as_float, default=1.0)
+    distance: Array = eqx.field(converter=as_float, default=1.0, metadata={UNIT: True})
+    time: Array = eqx.field(converter=as_float, default=1.0, metadata={UNIT: True})
 
     def labels(self):
         names = ("x", "y", "z")
         return (*((x, "km") for x in names), *((f"v{x}", "km/day") for x in names))
+
+    def base_units(self):
+        return "km", "", "day"
 
     @property
     def units(self):

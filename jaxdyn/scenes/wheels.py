@@ -59,13 +59,17 @@ _WEIGHTS = _Z * (1 + np.exp(-_STEPS)) / 16
 
 
 class LockedAxle(Effect):
-    """Friction mu N against the velocity of the point `ahead` () [m] of a car's centre of mass.
+    """Friction mu N against the velocity of the point `ahead` of a car's centre of mass.
 
-    It acts on the coordinates (x, y, theta) of a planar body, with the coefficient mu () [1] and
-    the load N () [N].
+    It acts on the coordinates (x, y, theta) of a planar body.
 
     Limits: it is 0 at rest, where the true force keeps the car at rest; end the motion by an event
       before that.
+
+    Attributes:
+      mu: () coefficient of friction [1].
+      load: () load N of the axle [N].
+      ahead: () how far the point is ahead of the centre of mass [m].
     """
 
     mu: Array

@@ -80,8 +80,8 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     """The method that solves a scene if none is asked for.
 
     - Where forces may depend on velocity: a `Taylor` series, if the rate has one wherever it is
-      finite, of at most 15 numbers and 24 products an order; else `VERNER9`.
-    - Where no force depends on velocity: a series likewise, but of at most 7 products an order if
+      finite, of at most 15 numbers and 24 products per order; else `VERNER9`.
+    - Where no force depends on velocity: a series likewise, but of at most 7 products per order if
       forces are made of powers and quotients alone, and of at most 2 if they are polynomials and
       the tolerance is not below 1e-11.
     - Else, at tolerances not below 1e-11, the extrapolated leapfrog, `STOERMER18`, for states of
@@ -195,7 +195,7 @@ def _method_of_rule(
     elif polynomial and not fine:
         most, kind = _POLYNOMIALS, "polynomial forces"
     else:
-        most, kind = _POWERS, "forces of powers and quotients alone"
+        most, kind = _POWERS, "forces that contain only powers and quotients"
     series, why = _by_series(found, loose, most, kind)
     why = f"forces do not depend on velocity, and {why}"
     if series is not None:
@@ -204,13 +204,13 @@ def _method_of_rule(
     if not few and k not in _EXTRAPOLATED_NUMBERS:
         return NYSTROM12, why
     if rtol is None:
-        return NYSTROM12, f"{why}; the tolerance is known at run time only"
+        return NYSTROM12, f"{why}; the tolerance is known only at run time"
     if fine:
-        limit = f"rounding limits extrapolation below {finest:.0e}"
+        limit = f"below rtol {finest:.0e}, rounding errors limit extrapolation"
         return NYSTROM12, f"{why}; {limit}"
     if loose and (few or polynomial):
-        return NYSTROM12, f"{why}; above rtol 1e-8 the pair is mostly as fast as extrapolation"
-    return STOERMER18, f"{why}; it has {k} numbers"
+        return NYSTROM12, f"{why}; above rtol 1e-8, this pair is usually as fast as extrapolation"
+    return STOERMER18, f"{why}; for a state of {k} numbers, extrapolation is"
 
 
 def _by_series(
@@ -225,17 +225,17 @@ def _by_series(
       kind: the forces that this limit holds for, for the message.
     """
     if series is None:
-        return None, "its rate is long, or has no Taylor series"
+        return None, "the rate has many operations, or no Taylor series"
     if not series.everywhere:
-        return None, "its rate has a root, and no Taylor series where that is 0"
-    why = f"its Taylor series takes {series.products} products an order"
+        return None, "the rate contains a root, which has no Taylor series at 0"
+    why = f"the Taylor series of the rate needs {series.products} products per order"
     if series.products > most:
-        return None, f"{why}; more than {most} are too many for {kind}"
+        return None, f"{why}; with more than {most}, another method is faster for {kind}"
     orders = _LOOSE_ORDERS if loose else _ORDERS
     for limit, method in orders.items():
         if series.products <= limit:
-            return method, f"{why}; up to {limit} run fastest at order {method.order}"
-    return None, f"{why}; more than {max(orders)} are too many"
+            return method, f"{why}; with at most {limit}, order {method.order} is the fastest"
+    return None, f"{why}; with more than {max(orders)}, another method is faster"
 
 
 def choose_method(

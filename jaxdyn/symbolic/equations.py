@@ -110,7 +110,9 @@ class Equations(Printed):
         in_order = sorted(used & known.keys(), key=lambda s: s.key)
         self.parameters = {s: known[s] for s in in_order}
         values = [Line(as_expression(s), Expression({(): known[s]})) for s in in_order]
-        sections.append(Section("parameters", "Parameters", tuple(values)))
+        described = found.symbols.described
+        remarks = tuple(_remark(*described.get(s, ("", ""))) for s in in_order)
+        sections.append(Section("parameters", "Parameters", tuple(values), remarks=remarks))
         super().__init__(part for part in sections if part.lines or part.notes)
 
     def _constant_energy(self) -> tuple[list[Line], tuple[Note, ...]]:
@@ -431,6 +433,11 @@ def equations(scene: Scene) -> Equations:
         x'' cos(theta) + l theta'' + g sin(theta) = 0
     """
     return Equations(check_scene(scene))
+
+
+def _remark(unit: str, meaning: str) -> str:
+    """The unit of a parameter and what it is, behind its value."""
+    return f"{unit} {f'({meaning})' if meaning else ''}".strip()
 
 
 def _divisor(whole: Expression, others: Expression) -> Expression:

@@ -6,15 +6,19 @@ indices in brackets, from 0: `g`, `m[1]`, `r[2,0]`, `effects[0].k` if two effect
 system may name the entries of its arrays (`System.parameter_names`).
 """
 
+import dataclasses
+import re
 from collections import Counter
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._text import meaning_of, unit_of
 from jaxdyn.scene import Field, Scene
 
 
@@ -72,7 +76,48 @@ def with_parameters(scene: Scene, values: Array) -> Scene:
     values = jnp.asarray(values, float)
     _checks.check_shape("values", values.shape, parameters(scene).values.shape, "One for each.")
     system, effects = rebuild(scene.field, values)
-    return Scene(system, effects, y0=scene.y0, t1=scene.t1, name=scene.name)
+    return dataclasses.replace(scene, system=system, effects=effects)
+
+
+class Description(NamedTuple):
+    """What the docstring of its class says about a parameter: its unit, and what it is."""
+
+    unit: str
+    meaning: str
+
+
+def description(scene: Scene, path: tuple[str, ...]) -> Description:
+    """What is known of an array of parameters by its path; "" where nothing is.
+
+    The unit is that in the units of the scene.
+    """
+    if "params" in path:  # of a function of the user, who knows
+        return Description("", "")
+    owner: Any = scene.field
+    unit = meaning = ""
+    for part in path:
+        if eqx.is_array(owner):  # one of its entries, by a name
+            break
+        if part.startswith("["):
+            owner = owner[int(part[1:-1])]
+        elif isinstance(owner, dict):
+            owner = owner[part]
+        else:
+            unit, meaning = unit_of(type(owner), part), meaning_of(type(owner), part)
+            owner = getattr(owner, part)
+    one = _PLURAL.sub(lambda found: _ONE_OF[found[0]], meaning, count=1)
+    return Description("" if unit == "1" else scene.in_units(unit), one)
+
+
+#: What one entry of an array is called.
+_ONE_OF = {
+    "masses": "mass",
+    "lengths": "length",
+    "stiffnesses": "stiffness",
+    "positions": "position",
+    "directions": "direction",
+}
+_PLURAL = re.compile(rf"\b({'|'.join(_ONE_OF)})\b")
 
 
 def rebuild(field: Field, values: Array) -> Field:

@@ -1,7 +1,8 @@
 """Lines of print under titles, as plain text, in LaTeX and in MathML."""
 
 import html
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from jaxdyn import _checks
@@ -31,12 +32,20 @@ class Section(NamedTuple):
       title: the title.
       lines: the lines.
       notes: explanations below them.
+      remarks: what follows each line, such as a unit; () for none.
     """
 
     name: str
     title: str
     lines: tuple[Line, ...] = ()
     notes: tuple[Note, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def remarked(self) -> list[tuple[Line, str]]:
+        """Each line with its remark."""
+        remarks = self.remarks or ("",) * len(self.lines)
+        return list(zip(self.lines, remarks, strict=True))
 
 
 class Printed:
@@ -54,7 +63,7 @@ class Printed:
     def text(self, part: str | None = None) -> str:
         """Everything as plain text, or one part: the name of a section, such as "motion"."""
         return "\n".join(
-            "\n  ".join([part.title, *_equations(part, TEXT), *map(_note, part.notes)])
+            "\n  ".join([part.title, *_lines(part), *map(_note, part.notes)])
             for part in self._chosen(part)
         )
 
@@ -63,8 +72,8 @@ class Printed:
         blocks = []
         for section in self._chosen(part):
             rows = [
-                f"{LATEX.expression(line.left)} &= {LATEX.expression(line.right)}"
-                for line in section.lines
+                f"{LATEX.expression(line.left)} &= {LATEX.expression(line.right)}{_latex(remark)}"
+                for line, remark in section.remarked
             ]
             rows += [
                 f"{LATEX.expression(note.symbol)} &: \\text{{{note.meaning}}}"
@@ -83,7 +92,10 @@ class Printed:
             "\n".join(
                 [
                     f"<p>{html.escape(section.title, quote=False)}</p>",
-                    *(f'<math display="block">{x}</math>' for x in _equations(section, MATHML)),
+                    *(
+                        f'<math display="block">{x}{_mathml(remark)}</math>'
+                        for x, remark in _equations(section, MATHML)
+                    ),
                     *(
                         f"<p><math>{MATHML.expression(note.symbol)}</math>: "
                         f"{html.escape(note.meaning, quote=False)}</p>"
@@ -130,8 +142,24 @@ def _note(note: Note) -> str:
     return f"{TEXT.expression(note.symbol)}: {note.meaning}"
 
 
-def _equations(section: Section, style: Style) -> Sequence[str]:
+def _equations(section: Section, style: Style) -> list[tuple[str, str]]:
     return [
-        style.relation(style.expression(line.left), "=", style.expression(line.right))
-        for line in section.lines
+        (style.relation(style.expression(line.left), "=", style.expression(line.right)), remark)
+        for line, remark in section.remarked
     ]
+
+
+def _lines(section: Section) -> list[str]:
+    return [f"{x} {remark}".rstrip() for x, remark in _equations(section, TEXT)]
+
+
+def _latex(remark: str) -> str:
+    """A remark as text, in which powers and names of variables are formulas."""
+    if not remark:
+        return ""
+    powers = re.sub(r"\^(-?\w+)", r"$^{\1}$", remark)
+    return rf"\ \text{{{powers}}}"
+
+
+def _mathml(remark: str) -> str:
+    return f"<mtext>\N{NO-BREAK SPACE}{html.escape(remark, quote=False)}</mtext>" if remark else ""

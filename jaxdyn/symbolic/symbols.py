@@ -13,7 +13,7 @@ import numpy as np
 
 from jaxdyn.scene import Scene
 from jaxdyn.symbolic.algebra import Expression, Symbol, as_expression, number
-from jaxdyn.symbolic.parameters import Leaf, leaves
+from jaxdyn.symbolic.parameters import Description, Leaf, description, leaves
 
 GREEK = (
     *("alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa"),
@@ -81,6 +81,7 @@ class Symbols(NamedTuple):
       parameters: (n) symbols of the parameters; 0 for one that is 0 in the scene.
       values: values of the parameters that are not 0.
       names: names of these, see `parameters`.
+      described: their units and meanings.
     """
 
     time: Symbol
@@ -89,6 +90,7 @@ class Symbols(NamedTuple):
     parameters: tuple[Expression, ...]
     values: dict[Symbol, float]
     names: dict[Symbol, str]
+    described: dict[Symbol, Description]
 
     @property
     def unknowns(self) -> tuple[Symbol, ...]:
@@ -118,8 +120,7 @@ def symbols(scene: Scene, velocities: Mapping[int, int]) -> Symbols:
         state[q], state[v], rates[v] = moving_coordinate(labels[q], q)
         rates[q] = state[v]
     taken = {"t", *(s.name for s in (*state, *rates))}
-    found, values, names = _parameters(scene, taken)
-    return Symbols(Symbol("t", "time"), tuple(state), tuple(rates), found, values, names)
+    return Symbols(Symbol("t", "time"), tuple(state), tuple(rates), *_parameters(scene, taken))
 
 
 def halves(scene: Scene) -> dict[int, int]:
@@ -157,7 +158,9 @@ def split_name(name: str) -> tuple[str, str]:
 
 def _parameters(
     scene: Scene, taken: set[str]
-) -> tuple[tuple[Expression, ...], dict[Symbol, float], dict[Symbol, str]]:
+) -> tuple[
+    tuple[Expression, ...], dict[Symbol, float], dict[Symbol, str], dict[Symbol, Description]
+]:
     from_scene = leaves(scene.field)
     spelling = [_spelling(leaf) for leaf in from_scene]
     same = [_same_place(from_scene, i) for i in range(len(from_scene))]
@@ -168,6 +171,7 @@ def _parameters(
     found: list[Expression] = []
     values: dict[Symbol, float] = {}
     names: dict[Symbol, str] = {}
+    described: dict[Symbol, Description] = {}
     for leaf, (stem, index), earlier in zip(from_scene, spelling, same, strict=True):
         if earlier is not None:
             start = from_scene[earlier].start
@@ -192,7 +196,8 @@ def _parameters(
             found.append(as_expression(symbol))
             values[symbol] = value
             names[symbol] = f"{'.'.join(leaf.path)}{place}"
-    return tuple(found), values, names
+            described[symbol] = description(scene, leaf.path)
+    return tuple(found), values, names, described
 
 
 def _same_place(all_: list[Leaf], i: int) -> int | None:

@@ -1,6 +1,7 @@
 """A scene with an input that follows a signal in time."""
 
 import dataclasses
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -105,6 +106,27 @@ def _check_jump(scene: Scene, found: Input, signal: Signal) -> None:
         )
         remedy = "Use a vibration.Table with a short ramp."
         raise _checks.fail("signal", wanted, f"vibration.{type(signal).__name__}", remedy)
+
+
+class Driving(NamedTuple):
+    """What drives a scene: the unit of an input, "" if not known, and its signal."""
+
+    unit: str
+    signal: Signal
+
+
+def driving(scene: Scene) -> dict[str, Driving]:
+    """What drives a scene, by the names of its inputs, such as "force on x", in their order."""
+    drives, system = [], scene.system
+    while isinstance(system, Driven):
+        drives.insert(0, system)
+        system = system.system
+    found: dict[str, Driving] = {}
+    for one in drives:
+        name, unit = one.input.named(scene)
+        same = sum(other.partition(" (")[0] == name for other in found)
+        found[f"{name} ({same + 1})" if same else name] = Driving(unit, one.signal)
+    return found
 
 
 @check_first

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _text
 from jaxdyn._checks import as_float
 from jaxdyn._records import Record
 from jaxdyn.analysis.linearize import is_second_order
@@ -36,6 +36,11 @@ class Input(Record):
     @abc.abstractmethod
     def rate(self, field: Field, t: Array, y: Array, u: Array) -> Array:
         """(k,) the rate of a scene for an input and its derivatives u (order + 1,)."""
+
+    def named(self, scene: Scene) -> tuple[str, str]:
+        """What it is called in tables and pictures of a scene, and its unit, "" if not known."""
+        del scene
+        return _text.words(self), ""
 
     def check(self, scene: Scene) -> None:
         """Raise ValueError unless the input suits a scene."""
@@ -80,6 +85,18 @@ class Force(Input):
             return system.rate(t, y, (*field.effects, points))
         return field.rate(t, y) + u[0] * jnp.concatenate([jnp.zeros(n), along])
 
+    def named(self, scene):
+        if not isinstance(self.on, str):
+            return f"force on {scene.point_names[self.on]}", scene.in_units("N")
+        labels = scene.labels()
+        unit, time = dict(labels)[self.on], _text.second(labels)
+        if not scene.system.accepts:
+            known = unit != "1" and time
+            return f"force per mass on {self.on}", f"{unit}/{time}^2" if known else ""
+        quantity = {scene.in_units("m"): "N", "rad": "N m"}.get(unit)
+        what = "torque" if unit == "rad" else "force"
+        return f"{what} on {self.on}", scene.in_units(quantity) if quantity else ""
+
     def check(self, scene):
         system, names = scene.system, [name for name, _ in scene.labels()]
         if isinstance(self.on, str):
@@ -120,6 +137,9 @@ class Base(Input):
         inertia = _Inertia(-u[0] * self.direction)
         return field.system.rate(t, y, (*field.effects, inertia))
 
+    def named(self, scene):
+        return "acceleration of the base", scene.in_units("m/s^2")
+
     def check(self, scene):
         d = _points_of(scene, "Base", "vibration.Motion takes any scene that a function makes.")
         _checks.array("Base.direction", self.direction, (d,), "One component for each axis.")
@@ -158,6 +178,10 @@ class Motion(Input):
     def rate(self, field, t, y, u):
         del field
         return self.make(u[0], u[1]).rate(t, y)
+
+    def named(self, scene):
+        del scene
+        return "displacement", ""
 
     def check(self, scene):
         _checks.check_callable("Motion.make", self.make, "displacement", "velocity")
@@ -252,3 +276,12 @@ def output(name: str, what: Output, scene: Scene) -> Callable[[Array, Array], Ar
         raise _checks.fail(name, wanted, repr(what))
     i = names.index(_checks.choice(name, what, names))
     return lambda t, y: y[i]
+
+
+def named_output(what: Output, scene: Scene) -> tuple[str, str]:
+    """What an output is called, and its unit: "" where it is not known."""
+    if isinstance(what, str):
+        unit = dict(scene.labels())[what]
+        return what, "" if unit == "1" else unit
+    name = getattr(what, "__name__", "").strip("_")
+    return name if name.isidentifier() else "output", ""

@@ -8,21 +8,29 @@ where all matrices are exact derivatives of the rate and the output. At s = i om
 of the complex amplitudes of z and u in a forced vibration with e^(i omega t).
 """
 
+import dataclasses
+import re
+from typing import Any
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _text
 from jaxdyn._checks import check_first
+from jaxdyn._labelled import Labelled, Values, frame
 from jaxdyn._records import Record
 from jaxdyn.analysis.linearize import check_equilibrium, jacobian
 from jaxdyn.scene import Scene, check_scene
-from jaxdyn.vibration.inputs import Base, Input, Output, check_input, output
+from jaxdyn.vibration.inputs import Base, Input, Output, check_input, named_output, output
 
 
 class TransferFunction(Record):
     """H(s) from an input to an output, a function of complex numbers s (...).
+
+    `drawing.bode` and `to_pandas` show it with the names and units of both.
 
     Several of them, that `jax.vmap` made, are a function whose values have their axes in front.
 
@@ -30,11 +38,28 @@ class TransferFunction(Record):
       a: (k, k) A.
       b: (k, j) B0 and B1.
       c: (..., k) C.
+      input: what the input is called, and its unit, "" if not known.
+      output: likewise the output.
+      time: the unit of time; "" without one.
+      order: number of time derivatives of the output: 1 for its velocity, 2 for its acceleration.
     """
 
     a: Array
     b: Array
     c: Array
+    input: tuple[str, str] = eqx.field(static=True, default=("input", ""))
+    output: tuple[str, str] = eqx.field(static=True, default=("output", ""))
+    time: str = eqx.field(static=True, default="")
+    order: int = eqx.field(static=True, default=0)
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        of, on = (_text.with_unit(*both) for both in (self.output, self.input))
+        poles = _text.brief(self.poles, f"1/{self.time}" if self.time else "")
+        rows = [("input", on), ("output", of), ("unit", self.unit), ("poles", poles)]
+        return _text.table(f"Transfer function {self.name}", rows)
+
+    _repr_html_ = _text.html
 
     def __call__(self, s) -> Array:
         """(..., *outputs) complex H at s (...) [1/s]."""
@@ -47,6 +72,53 @@ class TransferFunction(Record):
         """(..., *outputs) complex H at angular frequencies omega (...) [rad/s]."""
         return self(_imaginary(omega))
 
+    def derivative(self, order: int = 1) -> "TransferFunction":
+        """The transfer function to a time derivative of the output: s^order H."""
+        return dataclasses.replace(self, order=self.order + _checks.whole("order", order))
+
+    @property
+    def name(self) -> str:
+        """The output over the input, by name, such as "x / force on x"."""
+        (of, _), (on, _) = self.output, self.input
+        return f"{_RATES.get(self.order, f'derivative {self.order} of ')}{of} / {on}"
+
+    @property
+    def unit(self) -> str:
+        """The unit of its values, such as "m/N"; "" where it is not known."""
+        (_, of), (_, on) = self.output, self.input
+        if not (of and on and (self.time or not self.order)):
+            return ""
+        power = f"^{self.order}" if self.order > 1 else ""
+        of = f"{_grouped(of)}/{self.time}{power}" if self.order else of
+        return f"{_grouped(of)}/{_grouped(on)}"
+
+    @property
+    def frequency(self) -> str:
+        """What the frequency is called, with its unit."""
+        return _text.with_unit("frequency", f"rad/{self.time}" if self.time else "")
+
+    def table(self, omega) -> Labelled:
+        """The magnitudes and phases at angular frequencies omega (s,) [rad/s], with their names."""
+        omega = np.asarray(_checks.array("omega", omega, (None,)))
+        values = np.asarray(self.at(omega)).reshape(len(omega), -1)
+        numbers = [""] if values.shape[1] == 1 else [f" {i}" for i in range(values.shape[1])]
+        axes, found = ("omega",), {}
+        for i, number in enumerate(numbers):
+            found[self.name + number] = Values(axes, np.abs(values[:, i]), self.unit)
+            found[f"phase{number}"] = Values(axes, np.angle(values[:, i]), "rad")
+        unit = f"rad/{self.time}" if self.time else ""
+        return Labelled({"omega": Values(axes, omega, unit)}, found)
+
+    def to_pandas(self, omega) -> Any:
+        """The magnitudes and phases at angular frequencies as a pandas DataFrame.
+
+        Args:
+          omega: (s,) angular frequencies [rad/s].
+        Raises:
+          ValueError: pandas is not installed.
+        """
+        return frame(self.table(omega))
+
     @property
     def poles(self) -> Array:
         """(k,) complex eigenvalues of A [1/s]."""
@@ -55,7 +127,17 @@ class TransferFunction(Record):
     def _at(self, s: Array) -> Array:
         a, b, c = (x.astype(complex) for x in (self.a, self.b, self.c))
         powers = jnp.stack([s**j for j in range(b.shape[1])])
-        return c @ _solve(s * jnp.eye(len(a), dtype=complex) - a, b @ powers)
+        found = c @ _solve(s * jnp.eye(len(a), dtype=complex) - a, b @ powers)
+        return s**self.order * found if self.order else found  # which may be infinite
+
+
+#: What goes in front of the name of an output, by the number of its time derivatives.
+_RATES = {0: "", 1: "velocity of ", 2: "acceleration of "}
+
+
+def _grouped(unit: str) -> str:
+    """A unit that stands in a quotient: in brackets, if it is not a single one."""
+    return f"({unit})" if re.search(r"[ /]", unit) else unit
 
 
 def _solve(matrix: Array, right: Array) -> Array:
@@ -110,7 +192,14 @@ def transfer_function(
 
     b = jax.jacfwd(rate)(jnp.zeros(found.order + 1))
     c = jax.jacfwd(lambda y: looked_at(t, y))(y)
-    return TransferFunction(jacobian(scene, y, t), b, c)
+    return TransferFunction(
+        jacobian(scene, y, t),
+        b,
+        c,
+        input=found.named(scene),
+        output=named_output(to, scene),
+        time=_text.second(scene.labels()),
+    )
 
 
 @check_first
@@ -133,13 +222,13 @@ def receptance(scene: Scene, input: str | Input, to: Output, omega, y=None) -> A
 @check_first
 def mobility(scene: Scene, input: str | Input, to: Output, omega, y=None) -> Array:
     """Velocity over force: i omega times the `receptance`, with the same arguments."""
-    return _rates(1, scene, input, to, omega, y)
+    return transfer_function(scene, input, to, y).derivative(1).at(omega)
 
 
 @check_first
 def accelerance(scene: Scene, input: str | Input, to: Output, omega, y=None) -> Array:
     """Acceleration over force: -omega^2 times the `receptance`, with the same arguments."""
-    return _rates(2, scene, input, to, omega, y)
+    return transfer_function(scene, input, to, y).derivative(2).at(omega)
 
 
 @check_first
@@ -177,11 +266,6 @@ def transmissibility(scene: Scene, direction, omega, *, point: int = 0, y=None) 
 
     relative = transfer_function(scene, Base(along), place, y).at(omega)
     return 1.0 + _imaginary(omega) ** 2 * relative
-
-
-def _rates(order: int, scene: Scene, input, to, omega, y) -> Array:
-    found, s = transfer_function(scene, input, to, y), _imaginary(omega)
-    return (s**order).reshape(s.shape + (1,) * (found.c.ndim - 1)) * found(s)
 
 
 def _imaginary(omega) -> Array:

@@ -50,6 +50,7 @@ class Identity:
         conserved.
       scale_free: T |E|^(3/2) over G and the masses, the same in all units and for all scaled
         copies, see `scale_free_period`; None unless all forces are Newtonian attractions.
+      units: those of the energy and of the angular momentum; "" where they have none.
     """
 
     choreography: bool | None
@@ -57,8 +58,17 @@ class Identity:
     energy: float | None
     angular_momentum: float | None
     scale_free: float | None
+    units: tuple[str, str] = ("", "")
 
-    __repr__ = _text.fields
+    @_text.never_raising
+    def __repr__(self) -> str:
+        energy, momentum = self.units
+        units = {"energy": energy, "angular_momentum": momentum}
+        names = (field.name for field in dataclasses.fields(self) if field.name != "units")
+        rows = ((name, getattr(self, name), units.get(name, "")) for name in names)
+        found = [(name, _text.brief(x, unit)) for name, x, unit in rows if x is not None]
+        return _text.table(type(self).__name__, found)
+
     _repr_html_ = _text.html
 
 
@@ -77,8 +87,10 @@ def identify(orbit: Orbit | HybridOrbit) -> Identity:
       (True, 9.237681251)
     """
     e, momentum = conserved_values(orbit)
+    first = orbit.legs[0].scene if isinstance(orbit, HybridOrbit) else orbit.scene
+    units = first.in_units("J"), first.in_units("kg m^2/s")
     if isinstance(orbit, HybridOrbit):
-        return Identity(None, None, e, momentum, None)
+        return Identity(None, None, e, momentum, None, units)
     system = orbit.scene.system
     error = permutation_error(orbit)
     alike = error is not None and error < CHOREOGRAPHY
@@ -88,6 +100,7 @@ def identify(orbit: Orbit | HybridOrbit) -> Identity:
         energy=e,
         angular_momentum=momentum,
         scale_free=None if e is None else scale_free_period(orbit.scene, orbit.period, e),
+        units=units,
     )
 
 

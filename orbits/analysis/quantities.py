@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, simulate
 from jaxdyn._checks import check_first, choice, fail
-from jaxdyn._text import joule, second
+from jaxdyn._text import second
 from jaxdyn.analysis.energy import energy
 from jaxdyn.vibration.inputs import Output
 from orbits.orbit import Orbit
@@ -154,7 +154,7 @@ def label(what: str | Quantity) -> str:
 def unit(what: str, scene: Scene) -> str:
     """The unit of a named quantity in a scene; "1" where it has none or the name is unknown."""
     labels = scene.labels()
-    known = {"period": second(labels) or "1", "energy": joule(labels) or "1"}
+    known = {"period": second(labels) or "1", "energy": scene.in_units("J") or "1"}
     word, _, entry = what.partition(" ")
     if word == "phase":
         return "rad"

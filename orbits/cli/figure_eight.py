@@ -81,7 +81,7 @@ def figure_eight_command(
             found = orbits.analysis.as_json(claims["choreography"])
             out.result(found | {"seconds": _seconds(clock), "neighbour": neighbour})
         else:
-            print_reports(claims, out)
+            print_reports(claims, out, eight)
         if save_to:
             with out.writing(save_to, "saved to"):
                 orbits.save(save_to, eight, claims["choreography"])

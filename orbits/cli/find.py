@@ -5,9 +5,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 
 import jaxdyn
 import orbits
+from jaxdyn import _text
 from jaxdyn._text import choice, fail
 from jaxdyn.cli.docstrings import scene_settings
 from jaxdyn.cli.screen import screen
@@ -111,9 +113,9 @@ def find_command(
             record = {"scene": name, "start_moved": orbit.shift}
             out.result(record | orbits.analysis.as_json(claims))
         else:
-            print_reports({f"{name}, {orbit.closing.name}": claims}, out)
-        starts = zip(scene.labels(), orbit.y0, strict=True)
-        out.print("start: " + ", ".join(f"{label} = {float(y):.12g}" for (label, _), y in starts))
+            print_reports({f"{name}, {orbit.closing.name}": claims}, out, orbit)
+        starts = _text.entries(scene.labels(), orbit.y0, digits=12, most=len(orbit.y0))
+        out.print(escape(f"start: {starts}"))
         out.print(f"  moved by {orbit.shift:.1e} from the start of the search")
         if save_to:
             with out.writing(save_to, "saved to"):

@@ -10,27 +10,44 @@ from rich.markup import escape
 from rich.table import Table
 
 import orbits
-from jaxdyn._text import brief, number_of
+from jaxdyn._text import brief, number_of, second, with_unit
 from jaxdyn.cli.screen import Screen
 
 
-def print_reports(claims: dict[str, "orbits.analysis.Report"], out: Screen) -> None:
-    """Print reports side by side, each under its name, without empty rows."""
+def print_reports(
+    claims: dict[str, "orbits.analysis.Report"],
+    out: Screen,
+    orbit: "orbits.Orbit | orbits.HybridOrbit",
+) -> None:
+    """Print reports side by side, each under its name, without empty rows.
+
+    Their units are those of the scene of an orbit.
+    """
+    scene = orbits.families.family.first_scene(orbit)
+    units = {
+        "period T": second(scene.labels()),
+        "energy E": scene.in_units("J"),
+        "angular momentum": scene.in_units("kg m^2/s"),
+    }
     table = Table("")
     for name in claims:
         table.add_column(escape(name), overflow="fold")
     for label, text in _ROWS:
         cells = [text(claim) for claim in claims.values()]
         if any(cell not in ("", _NONE) for cell in cells):
-            table.add_row(label, *map(escape, cells))
+            table.add_row(escape(with_unit(label, units.get(label, ""))), *map(escape, cells))
     out.print(table)
 
 
 def print_family(family: "orbits.files.family_files.Listing", out: Screen) -> None:
     """Print the members and the special points of a family, and why it ends."""
     # Without a parameter there is no first column.
-    names = () if family.parameter is None else (escape(family.parameter),)
-    table = Table(*names, "period", "energy", "linear stability", "special")
+    names = () if family.parameter is None else (family.parameter,)
+    units = orbits.families.family.units_of(
+        orbits.families.family.first_scene(family.members[0].orbit)
+    )
+    names += tuple(with_unit(name, unit) for name, unit in units.items())
+    table = Table(*map(escape, names), "linear stability", "special")
     for entry in (*family.members, *family.special):
         table.add_row(*_row(entry)[-len(table.columns) :])
     out.print(table)

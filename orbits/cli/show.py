@@ -77,7 +77,7 @@ def _show_orbit(
         more = [found.refined, found.certificate]
         for text in (_heading(found.orbit, file), found.orbit.scene, *filter(None, more)):
             out.print(escape(str(text)))
-        print_reports({file.name: found.report}, out)
+        print_reports({file.name: found.report}, out, found.orbit)
         out.print(f"these are the claims of the file; `orbits verify {file}` recomputes them")
     draw([found.orbit], [""], plot, None, out, title)
 

@@ -33,7 +33,7 @@ def verify_command(
             answer = {"ok": not wrong, "mismatches": wrong}
             out.result(answer | {"repeated": again, "derived": orbits.analysis.as_json(derived)})
         else:
-            print_reports({file.name: derived}, out)
+            print_reports({file.name: derived}, out, orbit)
         if mismatches:
             first = mismatches[0]
             raise fail(

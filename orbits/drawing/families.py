@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn._checks import check_first, fail
-from jaxdyn._text import joule, with_unit
+from jaxdyn._text import with_unit
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.drawing.bifurcations import draw_stretches, stretches
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, legend_below, legend_entries, style
@@ -90,7 +90,7 @@ def family(
         there = np.array([places[id(entry)] for entry in listed.special if entry.kind == kind])
         if len(there):
             ax.plot(*there.T, marker, color=colour, ms=8, mew=2, zorder=4, label=kind, ls="")
-    energy = with_unit("energy", joule(first_scene(listed.members[0].orbit).labels()))
+    energy = with_unit("energy", first_scene(listed.members[0].orbit).in_units("J"))
     ax.set(xlabel=listed.parameter or energy, ylabel=_label(quantity, listed))
     shown = heading(title, [first_scene(entry.orbit) for entry in listed.members], _WIDTH)
     ax.set_title(shown, fontsize=10)

@@ -154,6 +154,6 @@ def _across(family: Listing, entries: Sequence[Entry]) -> tuple[str, str, list[f
     if family.parameter is not None:
         return family.parameter, "", [entry.parameter for entry in entries]
     if not math.isnan(entries[0].energy):
-        unit = _text.joule(entries[0].orbit.scene.labels())
+        unit = entries[0].orbit.scene.in_units("J")
         return "energy", unit, [entry.energy for entry in entries]
     return "number", "", [float(i + 1) for i in range(len(entries))]

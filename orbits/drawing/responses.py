@@ -132,7 +132,7 @@ def backbone(
     figure = blank(_WIDTH, 5.0)
     ax: Any = figure.add_subplot()
     if against == "energy":
-        energy = _text.with_unit("energy", _text.joule(scene.labels()))
+        energy = _text.with_unit("energy", scene.in_units("J"))
         ax.set(xscale="log", xlabel=energy, ylabel=_frequency(scene))
     else:
         ax.set(xlabel=_frequency(scene), ylabel=f"amplitude {label}")

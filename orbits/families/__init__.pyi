@@ -1,6 +1,7 @@
 """The names of orbits.families: for type checkers, and for imports when they are first used."""
 
 from . import checkpoint as checkpoint
+from . import family as family
 from . import parameters as parameters
 from .criticality import Criticality as Criticality
 from .diagram import Diagram as Diagram

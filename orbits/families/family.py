@@ -10,7 +10,7 @@ import numpy as np
 from jaxdyn import Scene, _labelled, _text
 from jaxdyn._checks import fail
 from jaxdyn._labelled import Labelled, Values, entries
-from jaxdyn._text import joule, number_of, second
+from jaxdyn._text import number_of, second
 from jaxdyn.continuation.branch import CLOSED
 from jaxdyn.continuation.kinds import Kind as Kind
 from orbits.analysis.quantities import Quantity, label, quantity, unit
@@ -140,16 +140,16 @@ class Family:
         return _labelled.to_dataset(self._to_labelled(*quantities))
 
     def _to_labelled(self, *quantities: str | Quantity) -> Labelled:
-        further = {}
+        further, scene = {}, first_scene(self.members[0].orbit)
         for one in quantities:
-            of_orbit, scene = quantity(one), self.members[0].orbit.scene
+            of_orbit = quantity(one)
             values = [float(of_orbit(member.orbit)) for member in self.members]
             known = unit(one, scene) if isinstance(one, str) else ""
             name = label(one)
             if name in further:
                 raise fail("quantities", "functions of different names", f"{name} twice")
             further[name] = Values(("member",), values, known)
-        labels, axes = self.members[0].orbit.scene.labels(), ("member",)
+        labels, axes = scene.labels(), ("member",)
         time = second(labels)
         verdicts = [member.stability.verdict for member in self.members]
         alone = bool(np.isnan(self.parameters).all())  # a family in energy
@@ -157,7 +157,7 @@ class Family:
             {} if alone else {"parameter": Values(axes, self.parameters)},
             {
                 "period": Values(axes, self.periods, time or "1"),
-                "energy": Values(axes, self.energies, joule(labels) or "1"),
+                "energy": Values(axes, self.energies, scene.in_units("J") or "1"),
                 "verdict": Values(axes, verdicts),
                 **entries(axes, [member.orbit.y0 for member in self.members], labels),
                 **further,
@@ -205,8 +205,7 @@ def smooth_orbit(name: str, orbit: Orbit | HybridOrbit) -> Orbit:
 
 def _ranges(scene: Scene, of: dict[str, Any]) -> list[tuple[str, str]]:
     """The ranges from the first to the last member, as text by name; empty for NaN."""
-    labels = scene.labels()
-    units = {"period": second(labels), "energy": joule(labels)}
+    units = units_of(scene)
     found = []
     for name, values in of.items():
         x = np.asarray(values, float)
@@ -216,6 +215,11 @@ def _ranges(scene: Scene, of: dict[str, Any]) -> list[tuple[str, str]]:
     return found
 
 
+def units_of(scene: Scene) -> dict[str, str]:
+    """The units of the period and of the energy; "" where there are none."""
+    return {"period": second(scene.labels()), "energy": scene.in_units("J")}
+
+
 def where(found: Any) -> str:
     """Where an orbit is on its family: its parameter, else its energy, else its period.
 
@@ -223,4 +227,4 @@ def where(found: Any) -> str:
     """
     numbers = {"parameter": found.parameter, "energy": found.energy, "period": found.orbit.period}
     name, x = next((name, x) for name, x in numbers.items() if not math.isnan(x))
-    return f"{name} {_text.brief(x)}"
+    return f"{name} {_text.brief(x, units_of(first_scene(found.orbit)).get(name, ''))}"

@@ -103,11 +103,12 @@ class Backbone:
     def table(self) -> Labelled:
         """A row for each vibration: frequency, energy above the equilibrium, amplitudes."""
         members, axes = self.family.members, ("vibration",)
-        labels = members[0].orbit.scene.labels()
+        scene = members[0].orbit.scene
+        labels = scene.labels()
         coordinates = labels[: len(labels) // 2]
         named = {
             "frequency": Values(axes, self.frequencies, _text.rad_per_second(labels) or "1"),
-            "energy": Values(axes, self.energies, _text.joule(labels) or "1"),
+            "energy": Values(axes, self.energies, scene.in_units("J") or "1"),
             "verdict": Values(axes, [m.stability.verdict for m in members]),
         }
         named |= {

@@ -13,7 +13,7 @@ from jaxdyn import Scene, Status, _labelled, _text, ensemble
 from jaxdyn._checks import check_first, check_on_host, fail, finite, numbers, whole
 from jaxdyn._labelled import Labelled, Values, entries
 from jaxdyn._progress import report_progress
-from jaxdyn._text import joule, second
+from jaxdyn._text import second
 from jaxdyn.analysis.energy import change
 from jaxdyn.ensemble.crossings import EachCrossing
 from jaxdyn.integrate.event_search.all_crossings import crossings
@@ -79,7 +79,7 @@ class SectionPoints(NamedTuple):
                 "direction": Values(axes, self.directions),
                 "count": Values(starts, self.counts),
                 "status": Values(starts, self.status),
-                "energy": Values(starts, self.energies, joule(labels) or "1"),
+                "energy": Values(starts, self.energies, self.scene.in_units("J") or "1"),
                 "drift": Values(starts, self.drift, "1"),
             },
         )

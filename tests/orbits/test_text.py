@@ -47,7 +47,7 @@ def test_what_an_orbit_is_and_its_stability_are_shown(swing):
         "  equal to 1  2: energy, flow",
     ]
     what = orbits.identify(swing)  # one body: nothing is said about choreographies
-    assert lines(what) == ["Identity", f"  energy  {what.energy:.6g}"]
+    assert lines(what) == ["Identity", f"  energy  {what.energy:.6g} J"]
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import typer
 
 import jaxdyn
 import orbits
-from jaxdyn._text import fail
+from jaxdyn._text import brief, fail, second
 from jaxdyn.cli.docstrings import parameter_name, scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
@@ -127,8 +127,8 @@ def _maker(name: str, values: dict, parameter: str | None, limits: tuple[float, 
 
 def _check_quantity(orbit: "orbits.Orbit | orbits.HybridOrbit", quantity: str | None) -> None:
     """Refuse a quantity that cannot be drawn before the family is followed."""
-    scene = orbit.legs[0].scene if isinstance(orbit, orbits.HybridOrbit) else orbit.scene
     if quantity is not None:
+        scene = orbits.families.family.first_scene(orbit)
         orbits.analysis.quantities.check_quantity(quantity, scene)
 
 
@@ -154,8 +154,9 @@ def _reporter(
 
     def report(member: "orbits.families.family.Member") -> None:
         value = "" if parameter is None else f"{parameter} {member.parameter:.10g}   "
-        verdict = member.stability.verdict
-        out.print(f"  {value}period {member.orbit.period:.12g}   {verdict}")
+        scene = orbits.families.family.first_scene(member.orbit)
+        period = brief(member.orbit.period, second(scene.labels()), digits=12)
+        out.print(f"  {value}period {period}   {member.stability.verdict}")
         out.show_task("following the family", next(passed), most)
 
     return report

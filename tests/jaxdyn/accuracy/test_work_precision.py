@@ -2,6 +2,7 @@
 
 import functools
 import json
+import re
 
 import numpy as np
 import pytest
@@ -192,14 +193,16 @@ def test_the_command_prints_what_digits_cost(accuracy_command, tmp_path):
     code, out, _ = accuracy_command(*words)
     assert code == 0
     assert " 9 digits: " in out
-    assert "for 10 digits: " in out
-    assert "by default, at rtol 1e-10: Taylor 20, since its Taylor series takes " in out
+    assert "oscillator: time for each number of correct digits (end state)" in out
+    assert re.search(r"^recommended for 10 digits: .+ with rtol 1e-\d+, which takes", out, re.M)
+    said = "the default at rtol 1e-10 is Taylor 20, since the Taylor series of the rate needs "
+    assert said in out
     assert picture.stat().st_size > 1000
     code, out, _ = accuracy_command("oscillator", "--set", "c=0.1", "--json")
     found = json.loads(out)
     assert found["digits"] == 9
     assert found["default"] == "Taylor 20"
-    assert found["reason"].startswith("its Taylor series takes ")
+    assert found["reason"].startswith("the Taylor series of the rate needs ")
     assert found["recommended"]["error"] <= 1e-9
     assert {c["solver"] for c in found["curves"]} == set(FIT)
 

@@ -117,6 +117,13 @@ def test_the_problems_are_listed_with_what_answers_each(jaxdyn):
     assert "[italic]" not in out
 
 
+def test_the_end_of_a_motion_has_its_units(jaxdyn):
+    days = ("restricted_three_body_in_space", "--set", "system=earth-moon", "--t1", "2")
+    for words, end in ((days, "2 day"), (("pendulum", "--t1", "2"), "2 s"), (("lorenz",), "20")):
+        out = jaxdyn("run", *words, "--samples", "2")[1]
+        assert f"at t = {end}:" in out
+
+
 def test_digits_that_chaos_has_eaten_are_not_printed(jaxdyn):
     code, out, _ = jaxdyn("run", "lorenz", "--t1", "60", "--samples", "2")
     assert code == 0
@@ -172,8 +179,8 @@ def test_a_cylinder_rolls_skids_and_flies(jaxdyn):
     assert code == 0
     lines = [line.split() for line in out.splitlines() if " from " in line]
     assert [line[0] for line in lines] == ["roll", "slip_on", "fly"]
-    assert lines[0][-1] == lines[1][2]
-    assert lines[2][-1] == "2"
+    assert lines[0][-2] == lines[1][2]
+    assert lines[2][-2:] == ["2", "s"]
 
 
 @pytest.mark.slow

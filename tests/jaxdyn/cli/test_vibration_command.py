@@ -33,7 +33,7 @@ def test_a_response_is_drawn_and_written(vibration, tmp_path):
     words = ("--input", "x", "--within", "1,3", "--samples", 5, "--plot", picture, "--csv", table)
     code, out, _ = vibration("oscillator", "--set", "k=4", "--set", "c=0.4", *words)
     assert code == 0
-    assert "largest receptance of x by a force on x" in out
+    assert "largest receptance, x / force on x: 1.25" in out
     assert picture.stat().st_size > 10_000
     with open(table, encoding="utf-8") as file:
         head, *rows = csv.reader(file)
@@ -48,7 +48,7 @@ def test_the_largest_response_is_that_of_a_narrow_resonance(vibration):
     code, out, _ = vibration("oscillator", *words)
     assert code == 0
     largest = 1 / (2e-4 * np.sqrt(100 - 1e-8))
-    assert f"a force on x: {largest:.6g} at 10 rad/s" in out
+    assert f"x / force on x: {largest:.6g} m/N at 10 rad/s" in out
 
 
 def test_what_it_refuses(vibration):

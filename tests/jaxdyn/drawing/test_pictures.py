@@ -14,7 +14,7 @@ from matplotlib.animation import FFMpegWriter
 from matplotlib.collections import LineCollection, PolyCollection
 from PIL import Image
 
-from jaxdyn import Scene, Status, Trajectory, drawing, scenes, simulate
+from jaxdyn import Scene, Status, Trajectory, drawing, scenes, simulate, vibration
 from jaxdyn.drawing import animate, paths
 from jaxdyn.drawing.animation import _pace
 from jaxdyn.drawing.curves import CURVE_SAMPLES
@@ -634,3 +634,40 @@ def test_a_title_of_two_lines_is_within_the_picture(tmp_path):
     title = figure.axes[0].title
     assert title.get_text().count("\n") == 1
     assert title.get_window_extent().ymax < figure.bbox.ymax
+
+
+def test_what_drives_a_scene_is_drawn_by_its_name():
+    rest = scenes.oscillator(k=4.0, x=0.0)
+    once = vibration.drive(rest, "x", vibration.Harmonic(0.5, 2.0))
+    twice = vibration.drive(once, "x", vibration.Step(3.0, t_on=0.5))
+    motion = simulate(twice, 1.0, samples=11)
+    names = ["x", "force on x", "force on x (2)"]
+    upper, lower = drawing.time_series(motion, names=names).axes
+    assert [upper.get_ylabel(), lower.get_ylabel()] == ["[m]", "[N]"]
+    harmonic, step = lower.lines
+    ts = harmonic.get_xdata()
+    np.testing.assert_allclose(harmonic.get_ydata(), 0.5 * np.cos(2.0 * ts), atol=1e-12)
+    off = ts != 0.5
+    expected = np.where(ts > 0.5, 3.0, 0.0)
+    np.testing.assert_array_equal(step.get_ydata()[off], expected[off])
+
+
+def test_a_base_that_accelerates_is_drawn_and_another_input_refused():
+    rest = scenes.oscillator(k=4.0, x=0.0)
+    shaken = vibration.drive(rest, vibration.Base([1.0]), vibration.Step(1.0))
+    motion = simulate(shaken, 1.0, samples=3)
+    shown = drawing.time_series(motion, names=["acceleration of the base"])
+    assert shown.axes[0].get_ylabel() == "[m/s^2]"
+    with pytest.raises(ValueError, match="names: expected one of acceleration of the base, kin"):
+        drawing.time_series(motion, names=["force on x"])
+
+
+def test_a_drive_without_a_known_unit_has_a_panel_of_its_own():
+    def moved(height, rate):
+        return scenes.spring_chain(m=[1.0], wall=height, wall_velocity=rate)
+
+    wall = vibration.Motion(moved)
+    chain = vibration.drive(scenes.spring_chain(m=[1.0]), wall, vibration.Harmonic(0.1, 3.0))
+    axes = drawing.time_series(simulate(chain, 1.0), names=["x", "displacement"]).axes
+    assert [ax.get_ylabel() for ax in axes] == ["[m]", ""]
+    assert axes[1].get_legend().get_texts()[0].get_text() == "displacement"

@@ -464,6 +464,14 @@ def test_places_in_arrays_are_counted_as_people_do():
     assert labels(scenes.cannonball())[0] == "m"
 
 
+def test_parameters_have_their_units_and_meanings():
+    found = {one["label"]: one for one in _parameters(scenes.pendulum(damping=0.1))}
+    assert (found["c"]["unit"], found["c"]["meaning"]) == ("N m s", "damping of the hinge")
+    assert (found["l"]["unit"], found["l"]["meaning"]) == ("m", "length")
+    (own,) = _parameters(jaxdyn.ode(lambda t, y, p: [-p * y[0]], [1.0], params=2.0))
+    assert (own["unit"], own["meaning"]) == ("", "")
+
+
 @pytest.mark.parametrize(
     ("params", "names"),
     [

@@ -656,9 +656,35 @@ def test_own_equations():
 
 def test_zeros_are_left_out_and_values_are_shown():
     found = jaxdyn.equations(scenes.oscillator(k=2.5))
-    assert found.text("parameters") == "Parameters\n  k = 2.5\n  m = 1"
+    assert found.text("parameters") == "Parameters\n  k = 2.5 N/m (stiffness)\n  m = 1 kg (mass)"
     assert {TEXT.symbol(s): x for s, x in found.parameters.items()} == {"k": 2.5, "m": 1.0}
     assert repr(found).startswith("Equations of oscillator\nNewton's law\n")
+
+
+_GRAVITY = "g = 9.81 m/s^2 (acceleration of gravity)"
+_DAMPED = ["c = 0.1 N m s (damping of the hinge)", "m = 1 kg (mass)", _GRAVITY, "l = 1 m (length)"]
+_PAIR = ["G = 1 (gravitational constant)", "m1 = 2 (mass)", "m2 = 2 (mass)"]
+
+
+@pytest.mark.parametrize(
+    ("scene", "shown"),
+    [
+        (scenes.pendulum(damping=0.1), _DAMPED),
+        (scenes.two_body(m1=2.0), _PAIR),
+        (scenes.lorenz(), ["sigma = 10", "rho = 28", f"beta = {8 / 3:.15g}"]),
+    ],
+)
+def test_parameters_are_said_to_be_what_they_are(scene, shown):
+    _, *found = jaxdyn.equations(scene).text("parameters").splitlines()
+    assert [line.strip() for line in found] == shown
+
+
+def test_what_a_parameter_is_stands_behind_it_in_latex_and_mathml():
+    found = jaxdyn.equations(scenes.cannonball(drag=0.5))
+    assert r"g &= 9.81\ \text{m/s$^{2}$ (acceleration of gravity)}" in found.latex("parameters")
+    assert "kg/m (drag coefficient)</mtext></math>" in found.mathml("parameters")
+    days = scenes.n_body(units=("AU", "Msun", "day"))
+    assert "AU^3/(Msun day^2) (gravitational constant)" in jaxdyn.equations(days).text("parameters")
 
 
 def test_lagranges_method_of_sympy_gives_the_same():

@@ -1,5 +1,7 @@
 """Natural modes and transfer functions against closed forms, and against M, C and K by hand."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -152,6 +154,68 @@ def test_modes_have_the_same_order_under_jit():
 
     assert_allclose(frequencies(5.4), [2.0, 3.0], rtol=1e-12)
     assert_allclose(jax.jit(frequencies)(5.4), [2.0, 3.0], rtol=1e-12)
+
+
+def stands_on(height, rate):
+    return scenes.spring_chain(m=[1.0, 1.0], wall=height, wall_velocity=rate)
+
+
+CHAIN = scenes.spring_chain(m=[1.0, 1.0])
+IN_MM = dataclasses.replace(scenes.oscillator(x=0.0), units=("mm", "g", "ms"))
+PLAIN = jaxdyn.ode(lambda t, y: [y[1], -y[0]], [0.0, 0.0], names=[("x", "m"), ("v", "m/s")])
+BARE = jaxdyn.ode(lambda t, y: [y[1], -y[0]], [0.0, 0.0], names=["x", "v"])
+
+
+@pytest.mark.parametrize(
+    ("scene", "given", "to", "name", "unit"),
+    [
+        (CHAIN, "x1", "x1", "x1 / force on x1", "m/N"),
+        (CHAIN, "x1", "vx1", "vx1 / force on x1", "(m/s)/N"),
+        (CHAIN, vibration.Force(0, [1.0]), "x1", "x1 / force on body 1", "m/N"),
+        (CHAIN, vibration.Base([1.0]), "x1", "x1 / acceleration of the base", "m/(m/s^2)"),
+        (CHAIN, vibration.Motion(stands_on), "x1", "x1 / displacement", ""),
+        (CHAIN, vibration.Parameter(lambda u: CHAIN), "x1", "x1 / parameter", ""),
+        (CHAIN, "x1", lambda t, y: y[0], "output / force on x1", ""),
+        (scenes.pendulum(angle=0.0), "theta", "theta", "theta / torque on theta", "rad/(N m)"),
+        (IN_MM, "x", "x", "x / force on x", "mm/(g mm/ms^2)"),
+        (PLAIN, "x", "x", "x / force per mass on x", "m/(m/s^2)"),  # its masses are not known
+        (BARE, "x", "x", "x / force per mass on x", ""),
+    ],
+)
+def test_transfer_functions_have_names_and_units(scene, given, to, name, unit):
+    h = vibration.transfer_function(scene, given, to)
+    assert (h.name, h.unit) == (name, unit)
+    assert repr(h).startswith(f"Transfer function {name}\n  input ")
+
+
+def test_derivatives_of_transfer_functions_have_their_names_and_units():
+    h = vibration.transfer_function(CHAIN, "x1", "x1")
+    velocity, acceleration = h.derivative(), h.derivative(2)
+    assert (velocity.name, velocity.unit) == ("velocity of x1 / force on x1", "(m/s)/N")
+    assert acceleration.name == "acceleration of x1 / force on x1"
+    assert acceleration.unit == "(m/s^2)/N"
+    assert h.derivative(3).name == "derivative 3 of x1 / force on x1"
+    assert_allclose(velocity.at(OMEGA), vibration.mobility(CHAIN, "x1", "x1", OMEGA), rtol=0)
+    with pytest.raises(ValueError, match="order: expected a whole number"):
+        h.derivative(0.5)
+    assert h.frequency == "frequency [rad/s]"
+    assert vibration.transfer_function(IN_MM, "x", "x").frequency == "frequency [rad/ms]"
+    assert vibration.transfer_function(BARE, "x", "x").frequency == "frequency"
+
+
+def test_a_transfer_function_is_a_table():
+    both = vibration.transfer_function(one(), "x", lambda t, y: y)
+    table = both.to_pandas([1.0, 2.0])
+    assert [*table.columns] == [
+        "output / force on x 0", "phase 0", "output / force on x 1", "phase 1"
+    ]  # fmt: skip
+    h = vibration.transfer_function(one(), "x", "x")
+    table = h.to_pandas(OMEGA)
+    assert table.attrs["units"] == {"omega": "rad/s", "x / force on x": "m/N", "phase": "rad"}
+    assert_allclose(table["x / force on x"], np.abs(receptance(OMEGA)), rtol=1e-12)
+    assert_allclose(table["phase"], np.angle(receptance(OMEGA)), rtol=1e-12)
+    with pytest.raises(ValueError, match="omega: expected"):
+        h.to_pandas(1.0)
 
 
 def test_frequency_responses_of_an_oscillator_are_the_closed_forms():

@@ -135,7 +135,7 @@ def test_an_orbit_is_shown_as_its_file_claims(command, file):
         "Spring(k = 4 N/m",
         "start x = 1 m, vx = 0 m/s",
         "undecided",
-        "period T │ 3.14 │",
+        "period T [s] │ 3.14 │",
         "1.5e-15",
         "2.5e-15 (Verner 9(8))",
         "0.25+0.5j",
@@ -150,10 +150,10 @@ def test_an_orbit_is_shown_as_its_file_claims(command, file):
     ("claims", "shown"),
     [
         # The Earth and the Moon in SI units: no digits of binary fractions.
-        ({"energy": -7.625012345678901e28}, "energy E │ -7.6250123456789e+28 │"),
-        ({"energy": -2.5e-9}, "energy E │ -2.5e-09 │"),
-        ({"period": 2.7012345678901e-6}, "period T │ 2.7012345678901e-06 │"),
-        ({"angular_momentum": 2.875e34}, "angular momentum │ 2.875e+34 │"),
+        ({"energy": -7.625012345678901e28}, "energy E [J] │ -7.6250123456789e+28 │"),
+        ({"energy": -2.5e-9}, "energy E [J] │ -2.5e-09 │"),
+        ({"period": 2.7012345678901e-6}, "period T [s] │ 2.7012345678901e-06 │"),
+        ({"angular_momentum": 2.875e34}, "angular momentum [kg m^2/s] │ 2.875e+34 │"),
         ({"multipliers": [[2.5e5, 0.0], [1.0, 0.0]]}, "multipliers │ 250000 │"),
         ({"multipliers": [[4e-9, 0.0], [1.0, 0.0]]}, "multipliers │ 4e-09 │"),
     ],
@@ -178,7 +178,13 @@ def test_a_family_is_shown_with_its_special_points(command, family):
     assert (ran.code, ran.err) == (0, "")
     text = " ".join(ran.out.split())
     assert f"Family of orbits of oscillator file {family} along k" in text
-    for said in ("4.25", "fold", "unstable", "2 orbits; the end: its bounds [were] reached"):
+    for said in (
+        "period [s] ┃ energy [J]",
+        "4.25",
+        "fold",
+        "unstable",
+        "2 orbits; the end: its bounds [were] reached",
+    ):
         assert said in text, said
 
 

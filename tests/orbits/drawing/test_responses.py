@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 
 import jaxdyn
 import orbits
-from jaxdyn import drawing
+from jaxdyn import drawing, scenes, vibration
 
 
 def rate(t, y, damping):
@@ -64,6 +64,13 @@ def test_a_bode_plot_has_a_line_for_each_response(tmp_path):
         drawing.bode(-omega, h)
     with pytest.raises(ValueError, match="names: expected 1"):
         drawing.bode(omega, h, names=["a", "b"])
+    known = vibration.transfer_function(scenes.oscillator(k=4.0, x=0.0), "x", "x")
+    named = drawing.bode(omega, known)
+    assert named.axes[0].get_ylabel() == "x / force on x [m/N]"
+    assert named.axes[1].get_xlabel() == "frequency [rad/s]"
+    assert_allclose(named.axes[0].lines[0].get_ydata(), np.abs(1 / (4 - omega**2)), rtol=1e-12)
+    own = drawing.bode(omega, known, magnitude="height", frequency="w")
+    assert [own.axes[0].get_ylabel(), own.axes[1].get_xlabel()] == ["height", "w"]
     few = drawing.bode(np.geomspace(1.0, 20.0, 200), np.ones(200))
     few.canvas.draw()
     labels = [tick.get_text() for tick in few.axes[1].get_xticklabels(which="both")]
