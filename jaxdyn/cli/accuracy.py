@@ -35,7 +35,7 @@ def accuracy_command(
     check_digits(digits)
     chosen = scene_settings(name, settings)
     with screen(f"solving {name} as exactly as possible", as_object) as out:
-        scene = jaxdyn.scenes.catalogue.build(name, chosen)
+        scene = jaxdyn.scenes.catalogue.build_smooth(name, chosen, t1)
         found = jaxdyn.accuracy.work_precision.work_precision(scene, t1)
         method, why = (
             jaxdyn.solvers.choice.default_solver(scene),

@@ -72,7 +72,7 @@ def chaos_command(
                 with out.writing(plot, "drawn in"):
                     jaxdyn.drawing.chaos_map(found, plot, names=labels, title=title or name)
             return
-        scene = jaxdyn.scenes.catalogue.build(name, chosen)
+        scene = jaxdyn.scenes.catalogue.build_smooth(name, chosen, t1)
         found = jaxdyn.lyapunov_exponents(scene, t1, transient=transient, throw=False)
         if as_object:
             out.result({"scene": name} | found.as_dict())

@@ -26,7 +26,7 @@ from jaxdyn.integrate.phases import HybridTrajectory, simulate_phases
 from jaxdyn.integrate.simulation import RTOL, simulate
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
-from jaxdyn.scenes.corners import has_corners, phases_of
+from jaxdyn.scenes.corners import check_one_phase, has_corners, phases_of
 from jaxdyn.scenes.ready_made import with_present_names
 from jaxdyn.solvers import Solver
 
@@ -140,6 +140,15 @@ def build(name: str, settings: Mapping[str, str]) -> Scene:
     """
     values = numbers(name, settings)
     return entry(name).make(**values)
+
+
+def build_smooth(name: str, settings: Mapping[str, str], t1=None) -> Scene:
+    """The same for what follows a motion without phases, which is checked up to t1, or in its span.
+
+    Raises:
+      ValueError: see `build`; or the motion leaves the phase in which it begins.
+    """
+    return check_one_phase(build(name, settings), t1)
 
 
 def function_of_numbers(

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from jaxdyn import _checks
 from jaxdyn._checks import check_first
 from jaxdyn.integrate.phase import Phase
+from jaxdyn.integrate.phases import simulate_phases
 from jaxdyn.mechanisms.car import Car
 from jaxdyn.mechanisms.cylinders import Cylinder
 from jaxdyn.scene import Scene, check_scene
@@ -21,6 +22,10 @@ _PHASES: dict[type, Callable[[Scene], dict[str, Phase]]] = {
     walkers.RimlessWheel: walkers.roll_phases,
     walkers.SimplestWalker: walkers.walk_phases,
 }
+
+_IN_PHASES = (
+    "`jaxdyn run` follows it from phase to phase; the guide 22_walkers.md has its periodic motions."
+)
 
 
 def has_corners(scene: Scene) -> bool:
@@ -55,6 +60,26 @@ def phases_of(scene: Scene) -> dict[str, Phase]:
         remedy = "Write the phases: jaxdyn.integrate.phases.Phase(scene, exits)."
         raise _checks.fail("scene", f"one of {known}", _kind(scene).__name__, remedy)
     return make(scene)
+
+
+def check_one_phase(scene: Scene, t1=None) -> Scene:
+    """The scene, if its motion up to t1, or in its span, stays in the phase in which it begins.
+
+    What follows the rate of a scene alone would go through a stop, or below the ground.
+
+    Raises:
+      ValueError: the motion leaves that phase, or begins in none.
+    """
+    if not has_corners(scene):
+        return scene
+    span = float(scene.t1 if t1 is None else t1)
+    motion = simulate_phases(phases_of(scene), None, scene.y0, span, samples=1, max_phases=2)
+    if motion.path:
+        name, _ = motion.path[0]
+        left = float(motion.pieces[0].ts[-1])
+        got = f"one of {scene.name} that leaves {name!r} at t = {left:.6g}"
+        raise _checks.fail("scene", "a motion in one phase", got, _IN_PHASES)
+    return scene
 
 
 def _kind(scene: Scene) -> type:

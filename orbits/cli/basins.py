@@ -65,7 +65,7 @@ def basins_command(
     options = {"rounds": rounds, "refine": refine, "period": period}
     with screen(f"finding the basins of {name}", as_object) as out:
         if along is None:
-            scene = jaxdyn.scenes.catalogue.build(name, chosen)
+            scene = jaxdyn.scenes.catalogue.build_smooth(name, chosen)
             if plot is not None and len(axes) != 2:
                 remedy = "The picture is over both."
                 raise fail("--plot", "--grid for two entries", len(axes), remedy)

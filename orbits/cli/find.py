@@ -93,7 +93,7 @@ def find_command(
     choice("--closing", closing, _CLOSINGS)
     chosen = scene_settings(name, settings)
     with screen(f"looking for an orbit of {name}", as_object) as out:
-        scene = jaxdyn.scenes.catalogue.build(name, chosen)
+        scene = jaxdyn.scenes.catalogue.build_smooth(name, chosen)
         orbit = orbits.discovery.nearby.search_near(
             scene,
             period,
@@ -107,6 +107,7 @@ def find_command(
         )
         if not orbit.ok:
             raise not_found(orbit, _remedy(orbit, scene, closing), {}, as_object, out)
+        jaxdyn.scenes.corners.check_one_phase(orbit.scene.starting(orbit.y0), orbit.period)
         out.show_task(f"testing the orbit of {name}: stability, a second integrator")
         claims = orbits.report(orbit)
         if as_object:

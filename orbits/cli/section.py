@@ -74,7 +74,7 @@ def section_command(
     options = {"t1": t1, "coordinates": coordinates and coordinates.split(","), "rtol": rtol}
     choice("--direction", direction, _DIRECTIONS)
     with screen(f"crossing the section of {name}", as_object) as out:
-        scene = jaxdyn.scenes.catalogue.build(name, chosen)
+        scene = jaxdyn.scenes.catalogue.build_smooth(name, chosen, t1)
         plane = _event(scene, place, direction)
         each = [_starts(scene, plane, given, level, unknown, sign) for level in levels]
         tables = [orbits.section(scene, plane, y, crossings=crossings, **options) for y in each]

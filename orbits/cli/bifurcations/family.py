@@ -143,6 +143,7 @@ def _first(
             got = f"one of {orbit.scene.name or 'another scene'}, whose state has other entries"
             raise fail("--from-orbit", f"an orbit of {name}", got)
         return orbit
+    jaxdyn.scenes.corners.check_one_phase(scene)
     return orbits.discovery.nearby.search_near(scene, period, report=printer(out), throw=False)
 
 

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from helpers import SOLVED
 
+import jaxdyn
 from jaxdyn import scenes, simulate
 from jaxdyn.analysis import energy
 from jaxdyn.integrate import phases
+from jaxdyn.integrate.events import Reaches
+from jaxdyn.scenes.corners import check_one_phase
 
 
 def _motion(scene, t1, **options):
@@ -74,3 +77,14 @@ def test_their_energies_are_those_of_what_moves():
 def test_impacts_that_make_no_sense_are_refused(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_a_motion_that_leaves_its_phase_is_refused_where_phases_are_not_followed():
+    """The first impact against the crossing of the motion without a stop."""
+    scene = scenes.impact_oscillator()
+    (hit, *_) = jaxdyn.crossings(scene, Reaches(0, 0.0), 5.0).t
+    assert check_one_phase(scene, float(hit) - 1e-3) is scene
+    with pytest.raises(ValueError, match=rf"leaves 'swing' at t = {float(hit):.6g}.*22_walkers"):
+        check_one_phase(scene, float(hit) + 1e-3)
+    assert check_one_phase(scenes.impact_oscillator(stop=10.0)).name == scene.name
+    assert check_one_phase(scenes.pendulum()).name == "pendulum"

@@ -189,6 +189,22 @@ def test_a_family_without_sense_is_refused_before_its_orbit_is_sought(orbits, wo
     assert err.startswith(f"error: {message}")
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("find", "impact_oscillator"),
+        ("section", "impact_oscillator", "--event", "x=0"),
+        ("basins", "impact_oscillator", "--grid", "x=-1:0:2"),
+        ("family", "impact_oscillator"),
+    ],
+)
+def test_motions_through_a_stop_are_refused(orbits, words):
+    code, out, err = orbits(*words)
+    assert (code, out) == (2, "")
+    assert "leaves 'swing' at t = 3.24679" in err
+    assert "`jaxdyn run` follows it" in err
+
+
 def test_a_family_of_an_orbit_of_another_scene_is_refused(orbits, tmp_path):
     path = tmp_path / "swing.json"
     save(path, find(scenes.pendulum(angle=2.0), period=2.7, hold="theta"))
