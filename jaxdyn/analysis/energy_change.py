@@ -6,7 +6,9 @@ prescribed motion drives it, its contacts rub, or its constraints have drifted. 
 vanishes, a change of the energy is the integrator's error. Between two pieces it is an impact.
 """
 
+import dataclasses
 import itertools
+from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -19,8 +21,11 @@ from jaxdyn._checks import check_first, check_on_host
 from jaxdyn.analysis.energy import change as change_of
 from jaxdyn.analysis.energy import energy
 from jaxdyn.analysis.work_by_effect import power_of
+from jaxdyn.formulations.extended import Extended
+from jaxdyn.integrate.flow import rate_in
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
-from jaxdyn.integrate.spans import of_samples
+from jaxdyn.integrate.simulation import branch_from
+from jaxdyn.integrate.spans import RTOL, of_samples
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.plan import plan_of
 from jaxdyn.scene import Effect, Field, Scene
@@ -171,16 +176,49 @@ class _Measured(NamedTuple):
     terms: Array  # (s,) magnitude of its terms [W]
 
 
+class _Powers(Extended):
+    """A system with the work of each effect of the scene as a further entry of its state."""
+
+    def further(self):
+        return ()
+
+    def rate(self, t, y, effects):
+        inner, _ = self.parts(y)
+        field = Field(self.system, effects)
+        powers = [power_of(field, effect, t, inner)[0][None] for effect in effects]
+        return jnp.concatenate([field.rate(t, inner), *powers])
+
+
 @of_samples
 @eqx.filter_jit
 def _measure(motion: Trajectory) -> _Measured:
-    scene = motion.scene
+    scene, ts = motion.scene, motion.ts
+    k, none = len(scene.y0), jnp.zeros(len(scene.effects))
+    works = dataclasses.replace(
+        scene, system=_Powers(scene.system), y0=jnp.concatenate([scene.y0, none])
+    )
+    sticks = plan_of(scene.field, k).most_surfaces > 0
 
     def at(t, y):
-        flow = (jnp.ones_like(t), scene.rate(t, y))
+        # Where friction holds a body, its force is none that the law has for a speed of zero.
+        later, branch = 2 * ts[-1] - ts[0], None
+        if sticks:
+            branch = branch_from(works, t, jnp.append(y, none), later, rtol=RTOL)
+
+        def rates(t, y):
+            if not sticks:
+                return scene.rate(t, y)
+            return rate_in(branch, works.field, t, jnp.append(y, none))
+
+        flow = (jnp.ones_like(t), rates(t, y)[:k])
         kinds = {}
-        for effect in scene.effects:
-            name, kind = type(effect).__name__, _kind(scene, effect, t, y, flow)
+        for i, effect in enumerate(scene.effects):
+
+            def power(t, y, i=i, effect=effect):
+                work, terms = power_of(scene, effect, t, y)
+                return (rates(t, y)[k + i] if sticks else work), terms
+
+            name, kind = type(effect).__name__, _kind(scene, effect, t, y, flow, power)
             kinds[name] = jax.tree.map(jnp.add, kinds[name], kind) if name in kinds else kind
         whole = jax.jvp(lambda t, y: energy(scene, t, y), (t, y), flow)[1]
         rest = whole - sum((kind.gain for kind in kinds.values()), jnp.zeros(()))
@@ -190,19 +228,17 @@ def _measure(motion: Trajectory) -> _Measured:
     return jax.vmap(at)(motion.ts, motion.ys)
 
 
-def _kind(scene: Scene, effect: Effect, t: Array, y: Array, flow: tuple[Array, Array]) -> _Kind:
-    """One effect at a time and state that change by `flow`."""
+def _kind(
+    scene: Scene, effect: Effect, t: Array, y: Array, flow: tuple[Array, Array], power: Callable
+) -> _Kind:
+    """One effect at a time and state that change by `flow`; `power` is as `power_of`."""
 
     def potential(t, y):
         r, _, m = scene.system.points(t, y)
         value = effect.potential(t, r, m)
         return jnp.zeros(()) if value is None else value
 
-    def power(t, y):
-        return power_of(scene, effect, t, y)
-
     (work, terms), (slope, _) = jax.jvp(power, (t, y), flow)
     stored, rate = jax.jvp(potential, (t, y), flow)
-    return _Kind(
-        power=work, slope=slope, potential=stored, gain=work + rate, terms=terms + jnp.abs(rate)
-    )
+    terms = jnp.maximum(terms, jnp.abs(work)) + jnp.abs(rate)
+    return _Kind(power=work, slope=slope, potential=stored, gain=work + rate, terms=terms)

@@ -35,6 +35,7 @@ from jaxdyn.integrate.spans import (
     sampled_span,
 )
 from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
+from jaxdyn.plan.branch import Branch
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import RADAU9, Method, Solver
 from jaxdyn.solvers.choice import check_method, within_trace
@@ -245,23 +246,29 @@ def solve_to_end(scene: Scene, t1, *, rtol: float, solver: Solver | None = None)
     return _solve(scene, times, run_limits, method, default=solver is None, passes=False)[0]
 
 
-@eqx.filter_jit
-def rate_from(scene: Scene, y: Array, t1, *, rtol) -> Array:
-    """(k,) the rate with which a motion goes on from a state at time 0.
+def branch_from(scene: Scene, t, y: Array, t1, *, rtol) -> Branch | None:
+    """The branch in which a motion goes on from a state; None where its rate has no conditions.
 
     Where a force jumps there, as that of friction does where a speed changes its sign, the state
-    is on its surface only to rounding, and `Scene.rate` is that of either side.
+    is on its surface only to rounding, and `Scene.rate` is that of either side, or of neither.
 
     Args:
       scene: system and effects; its start is not used.
+      t: () time.
       y: (k,) the state.
       t1: () a time at which the motion is over, from which it is known where it leads.
       rtol: see `solve`.
     """
     run_limits = limits(SolverOptions(rtol, None, None, MAX_STEPS, None, ()))
-    method, t0 = within_trace(scene, check_method(scene, None, rtol=rtol)), jnp.zeros(())
-    branch = first_branch(scene.field, y, t0, as_float(t1), run_limits, method=method)
-    return rate_in(branch, scene.field, t0, y)
+    method = within_trace(scene, check_method(scene, None, rtol=rtol))
+    return first_branch(scene.field, y, as_float(t), as_float(t1), run_limits, method=method)
+
+
+@eqx.filter_jit
+def rate_from(scene: Scene, y: Array, t1, *, rtol) -> Array:
+    """(k,) the rate with which a motion goes on from a state at time 0; see `branch_from`."""
+    t0 = jnp.zeros(())
+    return rate_in(branch_from(scene, t0, y, t1, rtol=rtol), scene.field, t0, y)
 
 
 def _solve(
