@@ -6,7 +6,6 @@ prescribed motion drives it, its contacts rub, or its constraints have drifted. 
 vanishes, a change of the energy is the integrator's error. Between two pieces it is an impact.
 """
 
-import dataclasses
 import itertools
 from collections.abc import Callable
 from typing import NamedTuple
@@ -20,12 +19,10 @@ from jaxtyping import Array
 from jaxdyn._checks import check_first, check_on_host
 from jaxdyn.analysis.energy import change as change_of
 from jaxdyn.analysis.energy import energy
+from jaxdyn.analysis.going_on import going_on
 from jaxdyn.analysis.work_by_effect import power_of
-from jaxdyn.formulations.extended import Extended
-from jaxdyn.integrate.flow import rate_in
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
-from jaxdyn.integrate.simulation import branch_from
-from jaxdyn.integrate.spans import RTOL, of_samples
+from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.plan import plan_of
 from jaxdyn.scene import Effect, Field, Scene
@@ -176,47 +173,25 @@ class _Measured(NamedTuple):
     terms: Array  # (s,) magnitude of its terms [W]
 
 
-class _Powers(Extended):
-    """A system with the work of each effect of the scene as a further entry of its state."""
-
-    def further(self):
-        return ()
-
-    def rate(self, t, y, effects):
-        inner, _ = self.parts(y)
-        field = Field(self.system, effects)
-        powers = [power_of(field, effect, t, inner)[0][None] for effect in effects]
-        return jnp.concatenate([field.rate(t, inner), *powers])
+def _powers(field: Field, t: Array, y: Array) -> Array:
+    """(e,) the power of each effect."""
+    powers = [power_of(field, effect, t, y)[0] for effect in field.effects]
+    return jnp.stack(powers) if powers else jnp.zeros(0)
 
 
 @of_samples
 @eqx.filter_jit
 def _measure(motion: Trajectory) -> _Measured:
     scene, ts = motion.scene, motion.ts
-    k, none = len(scene.y0), jnp.zeros(len(scene.effects))
-    works = dataclasses.replace(
-        scene, system=_Powers(scene.system), y0=jnp.concatenate([scene.y0, none])
-    )
-    sticks = plan_of(scene.field, k).most_surfaces > 0
 
     def at(t, y):
-        # Where friction holds a body, its force is none that the law has for a speed of zero.
-        later, branch = 2 * ts[-1] - ts[0], None
-        if sticks:
-            branch = branch_from(works, t, jnp.append(y, none), later, rtol=RTOL)
-
-        def rates(t, y):
-            if not sticks:
-                return scene.rate(t, y)
-            return rate_in(branch, works.field, t, jnp.append(y, none))
-
-        flow = (jnp.ones_like(t), rates(t, y)[:k])
+        both = going_on(scene, _powers, t, y, 2 * ts[-1] - ts[0])
+        flow = (jnp.ones_like(t), both(t, y)[0])
         kinds = {}
         for i, effect in enumerate(scene.effects):
 
             def power(t, y, i=i, effect=effect):
-                work, terms = power_of(scene, effect, t, y)
-                return (rates(t, y)[k + i] if sticks else work), terms
+                return both(t, y)[1][i], power_of(scene, effect, t, y)[1]
 
             name, kind = type(effect).__name__, _kind(scene, effect, t, y, flow, power)
             kinds[name] = jax.tree.map(jnp.add, kinds[name], kind) if name in kinds else kind
