@@ -7,6 +7,7 @@ vanishes, a change of the energy is the integrator's error. Between two pieces i
 """
 
 import itertools
+from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -18,6 +19,7 @@ from jaxtyping import Array
 from jaxdyn._checks import check_first, check_on_host
 from jaxdyn.analysis.energy import change as change_of
 from jaxdyn.analysis.energy import energy
+from jaxdyn.analysis.going_on import going_on
 from jaxdyn.analysis.work_by_effect import power_of
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.spans import of_samples
@@ -171,16 +173,27 @@ class _Measured(NamedTuple):
     terms: Array  # (s,) magnitude of its terms [W]
 
 
+def _powers(field: Field, t: Array, y: Array) -> Array:
+    """(e,) the power of each effect."""
+    powers = [power_of(field, effect, t, y)[0] for effect in field.effects]
+    return jnp.stack(powers) if powers else jnp.zeros(0)
+
+
 @of_samples
 @eqx.filter_jit
 def _measure(motion: Trajectory) -> _Measured:
-    scene = motion.scene
+    scene, ts = motion.scene, motion.ts
 
     def at(t, y):
-        flow = (jnp.ones_like(t), scene.rate(t, y))
+        both = going_on(scene, _powers, t, y, 2 * ts[-1] - ts[0])
+        flow = (jnp.ones_like(t), both(t, y)[0])
         kinds = {}
-        for effect in scene.effects:
-            name, kind = type(effect).__name__, _kind(scene, effect, t, y, flow)
+        for i, effect in enumerate(scene.effects):
+
+            def power(t, y, i=i, effect=effect):
+                return both(t, y)[1][i], power_of(scene, effect, t, y)[1]
+
+            name, kind = type(effect).__name__, _kind(scene, effect, t, y, flow, power)
             kinds[name] = jax.tree.map(jnp.add, kinds[name], kind) if name in kinds else kind
         whole = jax.jvp(lambda t, y: energy(scene, t, y), (t, y), flow)[1]
         rest = whole - sum((kind.gain for kind in kinds.values()), jnp.zeros(()))
@@ -190,19 +203,17 @@ def _measure(motion: Trajectory) -> _Measured:
     return jax.vmap(at)(motion.ts, motion.ys)
 
 
-def _kind(scene: Scene, effect: Effect, t: Array, y: Array, flow: tuple[Array, Array]) -> _Kind:
-    """One effect at a time and state that change by `flow`."""
+def _kind(
+    scene: Scene, effect: Effect, t: Array, y: Array, flow: tuple[Array, Array], power: Callable
+) -> _Kind:
+    """One effect at a time and state that change by `flow`; `power` is as `power_of`."""
 
     def potential(t, y):
         r, _, m = scene.system.points(t, y)
         value = effect.potential(t, r, m)
         return jnp.zeros(()) if value is None else value
 
-    def power(t, y):
-        return power_of(scene, effect, t, y)
-
     (work, terms), (slope, _) = jax.jvp(power, (t, y), flow)
     stored, rate = jax.jvp(potential, (t, y), flow)
-    return _Kind(
-        power=work, slope=slope, potential=stored, gain=work + rate, terms=terms + jnp.abs(rate)
-    )
+    terms = jnp.maximum(terms, jnp.abs(work)) + jnp.abs(rate)
+    return _Kind(power=work, slope=slope, potential=stored, gain=work + rate, terms=terms)

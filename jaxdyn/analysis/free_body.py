@@ -12,6 +12,8 @@ use any of these forces: `FreeBodies.residual` says how far sum F = m a and sum 
 mass centre of each body, are satisfied.
 """
 
+import dataclasses
+import math
 from typing import NamedTuple
 
 import equinox as eqx
@@ -23,6 +25,7 @@ from jaxtyping import Array
 from jaxdyn import _checks, _text
 from jaxdyn._checks import check_first
 from jaxdyn._text import brief, table
+from jaxdyn.analysis.going_on import going_on
 from jaxdyn.formulations.attitude import Attitude
 from jaxdyn.formulations.extended import Extended
 from jaxdyn.joints import Joint, Load, Part
@@ -196,7 +199,7 @@ def free_body(scene: Scene, t=0.0, y=None) -> FreeBodies:
             "Its equations are not forces on bodies at rest or in motion in space (an ode, a "
             "Lagrangian, a rotating frame, a prescribed motion), or its class has no `bodies`.",
         )
-    found = _found(Field(system, scene.effects), t, y)
+    found = _found(dataclasses.replace(scene, system=system, y0=y), jnp.asarray(t, float))
     points = Points(*map(np.asarray, found.points))
     accelerations = np.asarray(found.a), np.asarray(found.terms)
     bodies = [_body(part, points, *accelerations) for part in found.parts]
@@ -232,15 +235,42 @@ class _Found(NamedTuple):
     attitude: Array | None
 
 
-@eqx.filter_jit
-def _found(field: Field, t: Array, y: Array) -> _Found:
+def _pieces(field: Field, acts: str, m: Array) -> list[Effect]:
+    """The parts of all effects that act in a way."""
+    effects = [one for effect in field.effects for one in effect.pieces(m)]
+    return [one for one in effects if acts in one.acts]
+
+
+def _forces(field: Field, t: Array, y: Array) -> tuple[list, list, Array | None]:
+    """Those on points and on coordinates by each part of the effects, and those in joints."""
     system = field.system
-    t = jnp.asarray(t, float)
-    rate = field.rate(t, y)
+    points = system.points(t, y)
+    turned = _pieces(field, "generalized", points.m)
+    return (
+        [e.force(t, *points) for e in _pieces(field, "force", points.m)],
+        [generalized_forces((e,), t, *system.coordinates(y))[0] for e in turned],
+        system.constraint_forces(t, y, field.effects),
+    )
+
+
+def _all_forces(field: Field, t: Array, y: Array) -> Array:
+    """`_forces` in one vector."""
+    forces = jax.tree.leaves(_forces(field, t, y))
+    return jnp.concatenate([jnp.zeros(0), *map(jnp.ravel, forces)])
+
+
+@eqx.filter_jit
+def _found(scene: Scene, t: Array) -> _Found:
+    """What is found at the start of a scene."""
+    field, system, y = scene.field, scene.system, jnp.asarray(scene.y0)
+    rate, flat = going_on(scene, _all_forces, t, y, t + jnp.abs(scene.t1))(t, y)
+    shapes, tree = jax.tree.flatten(jax.eval_shape(_forces, field, t, y))
+    each = jnp.split(flat, np.cumsum([math.prod(x.shape) for x in shapes])[:-1])
+    forces = [x.reshape(like.shape) for x, like in zip(each, shapes, strict=bool(shapes))]
+    on_points, on_coordinates, multipliers = jax.tree.unflatten(tree, forces)
     points, (_, a, _) = jax.jvp(system.points, (t, y), (jnp.ones_like(t), rate))
     turning = jax.jacfwd(lambda y: system.points(t, y).v)(y)
-    effects = [one for effect in field.effects for one in effect.pieces(points.m)]
-    on_points = [e for e in effects if "force" in e.acts]
+    pushing, turned = (_pieces(field, acts, points.m) for acts in ("force", "generalized"))
     return _Found(
         points=points,
         a=a,
@@ -248,16 +278,11 @@ def _found(field: Field, t: Array, y: Array) -> _Found:
         parts=system.bodies(t, y),
         joints=system.joints(t, y),
         loads=system.loads(t, y),
-        multipliers=system.constraint_forces(t, y, field.effects),
-        pieces=tuple((_name(e), e.force(t, *points)) for e in on_points),
+        multipliers=multipliers,
+        pieces=tuple((_name(e), f) for e, f in zip(pushing, on_points, strict=True)),
         on_coordinates=tuple(
-            (
-                _name(e),
-                generalized_forces((e,), t, *system.coordinates(y))[0],
-                e.attack(t, *system.coordinates(y)),
-            )
-            for e in effects
-            if "generalized" in e.acts
+            (_name(e), f, e.attack(t, *system.coordinates(y)))
+            for e, f in zip(turned, on_coordinates, strict=True)
         ),
         attitude=_attitude(system, y),
     )

@@ -8,9 +8,11 @@ scene, compiles once for each kind of scene (new numbers never recompile) and re
 import functools
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._checks import as_float, check_first
@@ -19,8 +21,9 @@ from jaxdyn.integrate import errors
 from jaxdyn.integrate.adjoint import adjoint_flow
 from jaxdyn.integrate.errors import Estimate
 from jaxdyn.integrate.fixed import FixedField
-from jaxdyn.integrate.flow import SolveResult, flow, run_or_switch
+from jaxdyn.integrate.flow import SolveResult, flow, rate_in, run_or_switch
 from jaxdyn.integrate.march import Limits
+from jaxdyn.integrate.pieces import first_branch
 from jaxdyn.integrate.spans import MAX_STEPS as MAX_STEPS
 from jaxdyn.integrate.spans import RTOL as RTOL
 from jaxdyn.integrate.spans import (
@@ -32,6 +35,7 @@ from jaxdyn.integrate.spans import (
     sampled_span,
 )
 from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
+from jaxdyn.plan.branch import Branch
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import RADAU9, Method, Solver
 from jaxdyn.solvers.choice import check_method, within_trace
@@ -240,6 +244,31 @@ def solve_to_end(scene: Scene, t1, *, rtol: float, solver: Solver | None = None)
     method = check_method(scene, solver, rtol=rtol)
     times = as_float(0.0), as_float(t1), np.zeros(0)
     return _solve(scene, times, run_limits, method, default=solver is None, passes=False)[0]
+
+
+def branch_from(scene: Scene, t, y: Array, t1, *, rtol) -> Branch | None:
+    """The branch in which a motion goes on from a state; None where its rate has no conditions.
+
+    Where a force jumps there, as that of friction does where a speed changes its sign, the state
+    is on its surface only to rounding, and `Scene.rate` is that of either side, or of neither.
+
+    Args:
+      scene: system and effects; its start is not used.
+      t: () time.
+      y: (k,) the state.
+      t1: () a time at which the motion is over, from which it is known where it leads.
+      rtol: see `solve`.
+    """
+    run_limits = limits(SolverOptions(rtol, None, None, MAX_STEPS, None, ()))
+    method = within_trace(scene, check_method(scene, None, rtol=rtol))
+    return first_branch(scene.field, y, as_float(t), as_float(t1), run_limits, method=method)
+
+
+@eqx.filter_jit
+def rate_from(scene: Scene, y: Array, t1, *, rtol) -> Array:
+    """(k,) the rate with which a motion goes on from a state at time 0; see `branch_from`."""
+    t0 = jnp.zeros(())
+    return rate_in(branch_from(scene, t0, y, t1, rtol=rtol), scene.field, t0, y)
 
 
 def _solve(

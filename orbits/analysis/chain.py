@@ -23,6 +23,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
+from jaxdyn.integrate.simulation import rate_from
 from orbits.analysis.monodromy import tangents
 from orbits.closing.sizes import sizes
 from orbits.hybrid.equations import closing_error, closing_in_sizes, pass_leg
@@ -77,14 +78,26 @@ class _Passage(NamedTuple):
 
 
 @eqx.filter_jit
-def _pass(leg: Leg, after: Scene, y: Array, span, rtol) -> _Passage:
-    """The passage of a leg to the scene `after` of the next one, differentiable in all numbers."""
+def _pass(leg: Leg, after: Scene, y: Array, spans: tuple, rtol) -> _Passage:
+    """The passage of a leg to the scene `after` of the next one, differentiable in all numbers.
+
+    Where rates jump at the event, each is that of its own side, before and after.
+
+    Args:
+      leg: the leg.
+      after: the scene of the next one.
+      y: (k,) start.
+      spans: the durations of both.
+      rtol: tolerance of the integration.
+    """
+    span, next_span = spans
     (y, *_), (by_start, by_span) = pass_leg(leg, y, span, rtol)
     step, change = by_start[0], by_span[0]
     if not leg.ends:
         return _Passage(y, step, jnp.zeros(step.shape[1]), jnp.ones(()))
     gradient, speed = by_start[1][0], by_span[1][0]
-    step = step + jnp.outer(after.rate(0.0, y) - change, gradient) / speed
+    change = rate_from(after, y, next_span, rtol=rtol) - change
+    step = step + jnp.outer(change, gradient) / speed
     return _Passage(y, step, gradient, speed)
 
 
@@ -102,9 +115,10 @@ def transitions(orbit: HybridOrbit, rtol: float) -> Transitions:
             remedy = "Write the legs in coordinates without constraints."
             raise fail(f"legs[{i}]", "free coordinates", "constrained ones", remedy)
         following, each = (i + 1) % len(orbit.legs), units[i]
-        passed = _pass(leg, orbit.legs[following].scene, y, leg.scene.t1, traced)
+        after = orbit.legs[following].scene
+        passed = _pass(leg, after, y, (leg.scene.t1, after.t1), traced)
         y, step, gradient, speed = map(np.asarray, passed)
-        flow = np.asarray(leg.scene.rate(0.0, leg.scene.y0))
+        flow = _flow(leg.scene, leg.scene.y0, rtol)
         if not abs(speed) > _SMALL * np.abs(gradient * each).sum() * _pace(flow, each):
             return Transitions(maps, y, i)
         maps.append(step * each / units[following][:, None])
@@ -135,7 +149,7 @@ def return_map(orbit: HybridOrbit, rtol: float) -> ReturnMap:
         remedy = "Close the chain by the difference of its ends, less what the motion is free in."
         raise fail("closes", "a condition that the motion repeats itself", "another one", remedy)
     back = np.linalg.pinv(by_first @ q)
-    flow = np.asarray(scene.rate(0.0, start)) / each
+    flow = _flow(scene, start, rtol) / each
     return ReturnMap(-back @ compared @ q, q.T @ flow, lost.shape[1])
 
 
@@ -153,7 +167,8 @@ def differentiable_return_map(
     y, rtol = start, np.asarray(known.rtol, float)
     m = jnp.eye(len(start))
     for i, leg in enumerate(legs):
-        y, step, *_ = _pass(leg, legs[(i + 1) % len(legs)].scene, y, spans[i], rtol)
+        j = (i + 1) % len(legs)
+        y, step, *_ = _pass(leg, legs[j].scene, y, (spans[i], spans[j]), rtol)
         m = step @ m
     # What the closing leaves out may change with the numbers. The map on the quotient does not
     # depend on the basis that represents it.
@@ -170,6 +185,11 @@ def _compared(by_first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     _, values, ways = np.linalg.svd(by_first)
     p = int((values > _SMALL * values.max(initial=0.0)).sum())
     return ways[:p].T, ways[p:].T
+
+
+def _flow(scene: Scene, y, rtol: float) -> np.ndarray:
+    """(k,) the rate at the start y (k,) of a leg with this scene."""
+    return np.asarray(rate_from(scene, jnp.asarray(y), scene.t1, rtol=np.asarray(rtol, float)))
 
 
 def _pace(flow: np.ndarray, each: np.ndarray) -> float:

@@ -18,12 +18,16 @@ from jaxdyn import Scene, simulate
 from jaxdyn._checks import check_first, choice, fail
 from jaxdyn._text import second
 from jaxdyn.analysis.energy import energy
+from jaxdyn.plan import plan_of
 from jaxdyn.vibration.inputs import Output
 from orbits.orbit import Orbit
 
 #: Samples of a period. The error of the polynomial of degree 5 between two samples h apart is
 #: h^6 / 46080 times the sixth derivative.
 _SAMPLES = 2048
+#: Part of the largest value up to which an extreme at a corner is known.
+_RESOLVED = 4 * np.finfo(float).eps
+_MOST_PARTS = 256  # largest number of parts of a period that are sampled again
 
 Quantity = Callable[[Orbit], float]
 
@@ -38,7 +42,8 @@ def extremes(orbit: Orbit, entry: Output) -> tuple[float, float]:
     Raises:
       ValueError: there is no such entry, or the function returns another shape.
     Limits: accurate to about 12 digits, but to 3 to 6 where parts of the period are a thousand
-      times faster than the rest, as in relaxation oscillations.
+      times faster than the rest, as in relaxation oscillations. Corners, where a force jumps, are
+      found to rounding.
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes
@@ -51,7 +56,11 @@ def extremes(orbit: Orbit, entry: Output) -> tuple[float, float]:
 
 def extremes_in_time(orbit: Orbit, entry: str) -> tuple[tuple[float, float], tuple[float, float]]:
     """`extremes`, and the times at which they are reached [time of the scene]."""
-    y, slopes, curvatures = _along(orbit, entry)
+    if plan_of(orbit.scene.field, len(orbit.y0)).size:
+        return _extremes_at_corners(orbit, entry)
+    part = orbit.period / _SAMPLES
+    y, slopes, curvatures = _along(orbit, entry, _times(orbit))
+    slopes, curvatures = part * slopes, part**2 * curvatures
     (a, b, c), (a1, b1, c1) = (
         [x[i : i - 1 or None] for x in (y, slopes, 0.5 * curvatures)] for i in (0, 1)
     )
@@ -66,10 +75,36 @@ def extremes_in_time(orbit: Orbit, entry: str) -> tuple[tuple[float, float], tup
         rest += u * u * (6 * gap - 3 * tilt + bend)
         tops = np.where((u > 0) & (u < 1), a + u * (b + u * (c + u * rest)), y[0])
     parts = np.where((u > 0) & (u < 1), np.arange(len(a)) + u, 0.0) * orbit.period / _SAMPLES
-    ts = np.append(np.linspace(0.0, orbit.period, len(y)), parts)
+    ts = np.append(_times(orbit), parts)
     values = np.append(y, tops)
     low, high = int(np.argmin(values)), int(np.argmax(values))
     return (float(values[low]), float(values[high])), (float(ts[low]), float(ts[high]))
+
+
+def _extremes_at_corners(
+    orbit: Orbit, entry: Output
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """`extremes_in_time` where forces jump: an extreme may be a corner, as no polynomial has.
+
+    The samples of each round are in those parts of the last where an extreme may still be.
+    """
+    ts, before, seen = _times(orbit), np.inf, np.ones(_SAMPLES, bool)
+    while True:
+        y, slopes, _ = _along(orbit, entry, ts)
+        low, high = int(np.argmin(y)), int(np.argmax(y))
+        steepest = np.maximum(np.abs(slopes[1:]), np.abs(slopes[:-1])) * np.diff(ts)
+        above = np.maximum(y[1:], y[:-1]) + steepest - y[high]
+        below = y[low] - np.minimum(y[1:], y[:-1]) + steepest
+        near = np.flatnonzero(seen & (steepest > 0) & (np.maximum(above, below) >= 0))
+        left = np.maximum(above, below)[near].max(initial=0.0)
+        # In the end only rounding is left. Where very many parts are, the entry hardly changes.
+        if left <= _RESOLVED * np.abs(y).max() or left > 0.5 * before or len(near) > _MOST_PARTS:
+            return (float(y[low]), float(y[high])), (float(ts[low]), float(ts[high]))
+        before = left
+        n = _SAMPLES // len(near)
+        each = np.linspace(ts[near], ts[near + 1], n, axis=1).ravel()
+        ts = np.append(each, np.full(_SAMPLES + 1 - len(each), each[-1]))
+        seen = np.arange(_SAMPLES) % n < n - 1  # the others are between two of these parts
 
 
 @check_first
@@ -81,8 +116,11 @@ def amplitude(orbit: Orbit, entry: Output) -> float:
 
 @check_first
 def mean(orbit: Orbit, entry: Output) -> float:
-    """The mean of an entry of the state over a period; see `extremes`."""
-    y, *_ = _along(orbit, entry)
+    """The mean of an entry of the state over a period; see `extremes`.
+
+    Limits: accurate to about 12 digits, but to 6 where forces jump.
+    """
+    y, *_ = _along(orbit, entry, _times(orbit))
     return float(y[:-1].mean())  # exact to rounding for a smooth periodic function
 
 
@@ -94,8 +132,9 @@ def phase(orbit: Orbit, entry: Output) -> float:
 
     Returns:
       The phase, from -pi to pi.
+    Limits: those of `mean`.
     """
-    y, *_ = _along(orbit, entry)
+    y, *_ = _along(orbit, entry, _times(orbit))
     n = len(y) - 1
     turn = np.exp(-2j * np.pi * np.arange(n) / n)
     return float(-np.angle(y[:-1] @ turn))
@@ -161,21 +200,27 @@ def unit(what: str, scene: Scene) -> str:
     return known[what] if what in known else dict(labels).get(entry, "1")
 
 
-def _along(orbit: Orbit, entry: Output) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """An entry and its first two derivatives, per equal part of a period, at the ends of parts."""
+def _times(orbit: Orbit) -> np.ndarray:
+    """(n,) times of samples of a period, evenly spaced."""
+    return np.linspace(0.0, orbit.period, _SAMPLES + 1)
+
+
+def _along(
+    orbit: Orbit, entry: Output, ts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(n,) an entry and its first two derivatives at some times (n,) of a period."""
     scene = orbit.scene
-    motion = simulate(scene, samples=_SAMPLES + 1, rtol=orbit.rtol, solver=orbit.solver)
-    part = orbit.period / _SAMPLES
+    motion = simulate(scene, samples=ts, rtol=orbit.rtol, solver=orbit.solver)
     if callable(entry):
         y, slopes, curvatures = map(np.asarray, _derivatives(scene, motion.ts, motion.ys, of=entry))
         if y.ndim > 1:
             raise fail("entry", "a function that returns ()", f"one that returns {y.shape[1:]}")
-    else:  # one program for all entries
-        names = [name for name, _ in scene.labels()]
-        i = names.index(choice("entry", entry, names))
-        many = _derivatives(scene, motion.ts, motion.ys)
-        y, slopes, curvatures = (np.asarray(x)[:, i] for x in many)
-    return y, part * slopes, part**2 * curvatures
+        return y, slopes, curvatures
+    # One program for all entries.
+    names = [name for name, _ in scene.labels()]
+    i = names.index(choice("entry", entry, names))
+    y, slopes, curvatures = (np.asarray(x)[:, i] for x in _derivatives(scene, motion.ts, motion.ys))
+    return y, slopes, curvatures
 
 
 def _state(t: Array, y: Array) -> Array:

@@ -27,6 +27,7 @@ from jaxdyn._checks import check_first, check_kind, fail, is_traced
 from jaxdyn._numerics import first_only, nan_unless
 from jaxdyn.integrate.phase import Phase
 from jaxdyn.integrate.simulation import solve
+from jaxdyn.plan import plan_of
 from orbits.analysis.chain import differentiable_return_map
 from orbits.analysis.monodromy import return_map, tangents
 from orbits.analysis.quantities import extremes_in_time
@@ -50,6 +51,8 @@ _APART = 3.0
 _CLOSES = 1e-8
 #: Multipliers that differ by at most this share, and by a few of their bars, are those of one map.
 _SAME_MAP = 1e-6
+#: Part of the period by which states beside a corner are before and after it.
+_BESIDE = 1e-6
 
 
 class DifferentiableOrbit(eqx.Module):
@@ -110,12 +113,10 @@ class DifferentiableOrbit(eqx.Module):
           entry: its name; see `orbits.analysis.quantities.extremes`.
         """
         names = [name for name, _ in self.known.scene.labels()]
-        i, rtol = names.index(entry), self.known.rtol
+        i = names.index(entry)
         with jax.ensure_compile_time_eval():
             values, times = extremes_in_time(self.known, entry)
-            # Where an entry is level, its derivative is that at a fixed time.
-            level = [_level(self.known.scene, i, t, rtol) for t in times]
-        found = jnp.stack([solve(self.scene, t, rtol=rtol).y1[i] for t in level])
+        found = jnp.stack([_extreme(self.scene, self.known, i, t) for t in times])
         return jnp.asarray(values) + found - jax.lax.stop_gradient(found)
 
     def amplitude(self, entry: str) -> Array:
@@ -278,11 +279,56 @@ class Linearization(NamedTuple):
         return x - nan_unless(closes, self.inverse @ first_only(miss - value))
 
 
-def _level(scene: Scene, entry: int, t: float, rtol: float) -> Array:
-    """() the time at which an entry of the state is level, by a Newton step from a time nearby."""
+def _extreme(scene: Scene, known: Orbit, entry: int, t: float) -> Array:
+    """() an extreme of an entry of the state, which a known orbit has at a time t.
+
+    Where it is level, its derivative is that at a fixed time. At a corner it moves with the corner.
+    """
+    rtol, period = known.rtol, known.period
+    beside = _BESIDE * period if plan_of(scene.field, len(scene.y0)).size else 0.0
+    with jax.ensure_compile_time_eval():
+        level, ahead = _level(known.scene, entry, max(t - beside, 0.0), rtol)
+        if not beside or abs(ahead) <= 3 * beside:
+            return solve(scene, level, rtol=rtol).y1[entry]
+        (x, slope), (next_x, next_slope) = _about_corner(known.scene, known, entry, t)
+        same = abs(x - next_x) <= _CLOSES * np.asarray(sizes(known.scene))[entry]
+    if slope * next_slope > 0 or not same:  # none, but an end of the period, as of a full turn
+        return solve(scene, t, rtol=rtol).y1[entry]
+    (x, _), (next_x, _) = _about_corner(scene, known, entry, t)
+    return x + slope * first_only(x - next_x) / (next_slope - slope)
+
+
+def _about_corner(scene: Scene, known: Orbit, entry: int, t: float):
+    """An entry of the state and its slope at a corner, by the motion before it and by that after.
+
+    A corner may be at the start of the orbit, whose period may change.
+    """
+    beside = _BESIDE * known.period
+    end = scene.t1 if t < beside else t
+    start = 0.0 if t > known.period - beside else t
+    return (
+        _continued(scene, entry, end - beside, beside, known.rtol),
+        _continued(scene, entry, start + beside, -beside, known.rtol),
+    )
+
+
+def _continued(scene: Scene, entry: int, t, h: float, rtol: float) -> tuple[Array, Array]:
+    """() an entry of the state, and its slope, a short time h after t; by a series, without events.
+
+    So it is a continuation beyond a switch of the rate, if there is one within h.
+    """
+    now = jnp.asarray(t, float)
+    y = solve(scene, now, rtol=rtol).y1
+    rate, change = jax.jvp(scene.rate, (now, y), (jnp.ones(()), scene.rate(now, y)))
+    return (y + h * rate + 0.5 * h * h * change)[entry], (rate + h * change)[entry]
+
+
+def _level(scene: Scene, entry: int, t: float, rtol: float) -> tuple[Array, Array]:
+    """() the time at which an entry of the state is level, by a Newton step, and () the step."""
     now, y = jnp.asarray(t), solve(scene, t, rtol=rtol).y1
     rate, change = jax.jvp(scene.rate, (now, y), (jnp.ones(()), scene.rate(now, y)))
-    return now - jnp.where(change[entry] != 0, rate[entry] / change[entry], 0.0)
+    ahead = -jnp.where(change[entry] != 0, rate[entry] / change[entry], 0.0)
+    return now + ahead, ahead
 
 
 class Posed(NamedTuple):

@@ -20,7 +20,7 @@ from jaxdyn.analysis.energy import (
 )
 from jaxdyn.analysis.energy_change import energy_change
 from jaxdyn.analysis.work_by_effect import with_work
-from jaxdyn.effects import LinearDrag, PairGravity, Spring, UniformGravity
+from jaxdyn.effects import DryFriction, LinearDrag, PairGravity, Spring, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.events import Reaches
 from jaxdyn.integrate.phases import Exit, Phase, simulate_phases
@@ -192,6 +192,16 @@ def test_each_of_several_causes_has_its_work():
     assert gap(sum(found.works), (whole[-1] - whole[0]) / size) < 1e-8
     lost = simulate(with_work(motion.scene, LinearDrag))["work of LinearDrag"][-1]
     assert gap(found.works[0], lost / size) < 1e-8
+
+
+@pytest.mark.slow
+def test_friction_that_carries_a_block_along_works_against_the_spring():
+    """A belt that holds a block stretches its spring to x = 0.25: the work is k x^2 / 2."""
+    held = scenes.oscillator(x=0.0, v=0.5) + DryFriction(0.3, 1.0, belt=[0.5])
+    found = energy_change(simulate(held, 0.5))
+    assert found.causes == ("DryFriction",)
+    start = 0.5 * 0.5**2
+    assert gap(found.works[0], 0.25**2 / 2 / (start + 0.25**2 / 2)) < 1e-12
 
 
 @pytest.mark.slow

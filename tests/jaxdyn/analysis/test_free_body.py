@@ -302,3 +302,13 @@ def test_what_it_says():
     assert "N" not in str(free_body(scenes.three_body())).replace("None", "")
     with pytest.raises(ValueError, match="bar 3"):
         free_body(scenes.double_pendulum()).body("bar 3")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("x", "friction"), [(0.2, 0.2), (-0.3, -0.3), (0.5, 0.3)])
+def test_friction_holds_a_body_up_to_its_limit(x, friction):
+    """A spring of 1 N/m pulls a block at rest with -x, friction holds up to 0.3 N."""
+    (body,) = free_body(scenes.oscillator(x=x) + effects.DryFriction(0.3, 1.0)).bodies
+    forces = {force.name: float(force.force[0]) for force in body.forces}
+    assert forces == pytest.approx({"spring": -x, "dry friction": friction}, abs=1e-15)
+    assert float(body.acceleration[0]) == pytest.approx(friction - x, abs=1e-15)

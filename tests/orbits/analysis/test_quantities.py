@@ -42,6 +42,18 @@ def test_an_extreme_at_the_start_counts():
     assert abs(low + 2.0) < 1e-12
 
 
+def test_extremes_at_corners():
+    """A capacitor that is charged to 3 for 0.7 of 2: extremes are where the voltage switches."""
+
+    def rate(t, y):
+        return [jnp.where(jnp.mod(t, 2.0) < 0.7, 3.0, 0.0) - y[0]]
+
+    orbit = orbits.find(jaxdyn.ode(rate, [0.5], 2.0, names=["u"]))
+    high = 3 * (1 - np.exp(-0.7)) / (1 - np.exp(-2.0))
+    exact = [high * np.exp(-1.3), high]
+    np.testing.assert_allclose(extremes(orbit, "u"), exact, rtol=1e-13)
+
+
 def test_names_mean_the_functions(driven):
     orbit, _ = driven
     assert quantity("period")(orbit) == orbit.period

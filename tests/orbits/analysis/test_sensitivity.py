@@ -8,6 +8,8 @@ import pytest
 from cycles import Bautin, cycle
 from helpers import gap, kepler
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 import jaxdyn
@@ -324,3 +326,63 @@ def test_the_amplitude_of_a_cycle_by_its_parameter():
     steps = {i: again(1.3 + i * h) - again(1.3 - i * h) for i in (1, 2, 3)}
     differences = (45 * steps[1] - 9 * steps[2] + steps[3]) / (60 * h)
     assert slope == pytest.approx(differences, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_extremes_that_are_corners_move_with_the_switch():
+    """A capacitor that is charged to u for d of 2; its least value is at the start."""
+
+    def rate(t, y, p):
+        u, d = p
+        return [jnp.where(jnp.mod(t, 2.0) < d, u, 0.0) - y[0]]
+
+    def make(p, y0):
+        return jaxdyn.ode(rate, y0, 2.0, params=p, names=["u"])
+
+    def exactly(p):
+        high = p[0] * (1 - jnp.exp(-p[1])) / (1 - jnp.exp(-2.0))
+        return jnp.stack([high * jnp.exp(p[1] - 2), high])
+
+    p = jnp.array([3.0, 0.7])
+    known = orbits.find(make(p, [0.5]))
+    slopes = jax.jacfwd(lambda p: orbits.differentiable(make(p, known.y0), known).extremes("u"))(p)
+    np.testing.assert_allclose(slopes, jax.jacfwd(exactly)(p), rtol=1e-10)
+
+
+@pytest.mark.slow
+def test_extremes_of_a_relay_of_which_some_are_corners():
+    """By central differences of the exact half swing, in which the matrix exponential is exact."""
+
+    def rate(t, y, p):
+        gain, decay = p
+        return [y[1] - y[0], y[2] - y[1], -gain * jnp.sign(y[0]) - decay * y[2]]
+
+    def make(p):
+        return jaxdyn.ode(rate, [0.003, -0.35, -0.89], 3.56, params=p)
+
+    def exactly(p):
+        gain, decay = p
+        a, b = np.array([[-1, 1, 0], [0, -1, 1], [0, 0, -decay]]), np.array([0, 0, -gain])
+
+        def after(y, s):
+            flow = expm(a * s)
+            return flow @ y + np.linalg.solve(a, (flow - np.eye(3)) @ b)
+
+        def start(h):
+            return np.linalg.solve(expm(a * h) + np.eye(3), -after(np.zeros(3), h))
+
+        h = brentq(lambda h: start(h)[0], 1.0, 3.0, xtol=1e-14)
+        y = start(h)
+        top = brentq(lambda s: np.diff(after(y, s)[:2])[0], 1e-3, h - 1e-3, xtol=1e-14)
+        return np.abs([after(y, top)[0], y[2]])
+
+    known = orbits.find(make(jnp.array([1.3, 1.1])))
+
+    def found(p):
+        orbit = orbits.differentiable(make(p), known)
+        return jnp.stack([orbit.amplitude("y0"), orbit.amplitude("y2")])
+
+    p, h = np.array([1.3, 1.1]), 1e-5
+    np.testing.assert_allclose(found(jnp.asarray(p)), exactly(p), rtol=1e-12)
+    exact = [(exactly(p + d) - exactly(p - d)) / (2 * h) for d in h * np.eye(2)]
+    np.testing.assert_allclose(jax.jacfwd(found)(jnp.asarray(p)).T, exact, rtol=1e-8)

@@ -11,6 +11,7 @@ import jaxdyn
 import orbits
 from jaxdyn import scenes
 from jaxdyn.integrate import events
+from jaxdyn.integrate.phase import Exit, Phase
 
 
 def _found(scene, **options):
@@ -179,6 +180,47 @@ def test_a_leg_that_ends_where_friction_stops_a_block():
     assert abs(orbits.stability(found).nontrivial[0] - exactly(0.5) / 5) < 1e-12
     slope = jax.jacfwd(lambda friction: orbits.differentiable(legs(friction), found).y0[1])(0.5)
     assert abs(slope - jax.grad(exactly)(0.5)) < 1e-10
+
+
+def _pushed_along(t, y, damping):
+    return [y[1], -y[0] - 2 * damping * y[1] + jnp.where(y[1] >= 0, 1.0, -0.5)]
+
+
+def _swings(damping):
+    there, back = (events.Reaches(1, 0.0, way) for way in (-1, 1))
+    scene = jaxdyn.ode(_pushed_along, [-4.5, 0.0], 7.0, params=damping)
+    return {"up": Phase(scene, (Exit(there, "down"),)), "down": Phase(scene, (Exit(back, "up"),))}
+
+
+def _of_swings(damping):
+    """Start, period and multiplier: each half swing shrinks the distance to its own middle."""
+    w = jnp.sqrt(1 - damping**2)
+    r = jnp.exp(-damping * jnp.pi / w)
+    return jnp.stack([-(0.5 + 1.5 * r + r**2) / (1 - r**2), 2 * jnp.pi / w, r**2])
+
+
+@pytest.fixture(scope="module")
+def swings():
+    return orbits.find_hybrid(_swings(0.1), [-4.7, 0.0], events=2)
+
+
+@pytest.mark.slow
+def test_a_leg_that_begins_where_its_own_rate_jumps(swings):
+    start, period, multiplier = _of_swings(0.1)
+    np.testing.assert_allclose([swings.y0[0], swings.period], [start, period], rtol=1e-12)
+    found = orbits.stability(swings)
+    np.testing.assert_allclose(np.sort(found.multipliers.real), [multiplier, 1.0], rtol=1e-12)
+    np.testing.assert_allclose(found.nontrivial, [multiplier], rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_derivatives_of_a_leg_that_begins_where_its_own_rate_jumps(swings):
+    def numbers(damping):
+        found = orbits.differentiable(_swings(damping), swings)
+        return jnp.stack([found.y0[0], found.period, found.multipliers()[0].real])
+
+    exact = jax.jacfwd(_of_swings)(0.1)
+    np.testing.assert_allclose(jax.jacfwd(numbers)(0.1), exact, rtol=1e-9)
 
 
 def test_what_does_not_fit_is_refused():

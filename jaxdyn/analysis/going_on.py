@@ -1,0 +1,66 @@
+"""Rates and forces at a state as the motion goes on from it: where friction holds a body, too.
+
+There a rate with conditions is on the surface where its force jumps, and its formula has the force
+of either side, or of neither: the law of dry friction says nothing at a speed of zero.
+"""
+
+import dataclasses
+from collections.abc import Callable
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn.formulations.extended import Extended
+from jaxdyn.integrate.flow import rate_in
+from jaxdyn.integrate.simulation import branch_from
+from jaxdyn.integrate.spans import RTOL
+from jaxdyn.plan import plan_of
+from jaxdyn.scene import Field, Scene
+
+#: A function (field, t, y) -> (m,), such as the forces of effects; a named function.
+Values = Callable[[Field, Array, Array], Array]
+
+
+class _Beside(Extended):
+    """A system whose further entries have some values as their rates.
+
+    So these are weighted as the rate is, where a motion slides on a surface.
+    """
+
+    values: Values = eqx.field(static=True)
+
+    def further(self):
+        return ()
+
+    def rate(self, t, y, effects):
+        inner, field = self.parts(y)[0], Field(self.system, effects)
+        return jnp.concatenate([field.rate(t, inner), self.values(field, t, inner)])
+
+
+def going_on(
+    scene: Scene, values: Values, t: Array, y: Array, t1: Array
+) -> Callable[[Array, Array], tuple[Array, Array]]:
+    """The function (t, y) -> the rate (k,) and some values (m,), of a motion that goes on from y.
+
+    Args:
+      scene: system and effects; its start is not used.
+      values: the values.
+      t: () time.
+      y: (k,) state then.
+      t1: () a time at which the motion is over.
+    """
+    field, k = scene.field, len(y)
+    if not plan_of(field, k).most_surfaces:
+        return lambda t, y: (field.rate(t, y), values(field, t, y))
+    none = jnp.zeros_like(values(field, t, y))
+    whole = dataclasses.replace(
+        scene, system=_Beside(scene.system, values), y0=jnp.append(scene.y0, none)
+    )
+    branch = branch_from(whole, t, jnp.append(y, none), t1, rtol=RTOL)
+
+    def both(t: Array, y: Array) -> tuple[Array, Array]:
+        rates = rate_in(branch, whole.field, t, jnp.append(y, none))
+        return rates[:k], rates[k:]
+
+    return both
