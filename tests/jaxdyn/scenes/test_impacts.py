@@ -82,7 +82,7 @@ def test_impacts_that_make_no_sense_are_refused(call, message):
 def test_a_motion_that_leaves_its_phase_is_refused_where_phases_are_not_followed():
     """The first impact against the crossing of the motion without a stop."""
     scene = scenes.impact_oscillator()
-    (hit, *_) = jaxdyn.crossings(scene, Reaches(0, 0.0), 5.0).t
+    (hit, *_) = jaxdyn.crossings(scene, Reaches(0, 0.0), 5.0).ts
     assert check_one_phase(scene, float(hit) - 1e-3) is scene
     with pytest.raises(ValueError, match=rf"leaves 'swing' at t = {float(hit):.6g}.*22_walkers"):
         check_one_phase(scene, float(hit) + 1e-3)
