@@ -2,6 +2,7 @@
 
 from . import ballistics as ballistics
 from . import catalogue as catalogue
+from . import corners as corners
 from . import satellites as satellites
 from . import switching as switching
 from .apsidal import apsidal_angle as apsidal_angle
