@@ -131,9 +131,10 @@ def ball_on_table(
 ) -> Scene:
     """A ball that bounces on a table which goes up and down, starting on the table.
 
-    `phases_of` has its flights. A ball that bounces once in n periods T of the table meets it at a
-    phase at which the table rises at the speed g n T / 2 (1 - e) / (1 + e). Holmes (1982), J. Sound
-    Vib. 84, 173.
+    Its rate is that of a flight, also below the table: `phases_of` has its motion from bounce to
+    bounce, for `jaxdyn.integrate.phases.simulate_phases`. A ball that bounces once in n periods T
+    of the table meets it at a phase at which the table rises at the speed
+    g n T / 2 (1 - e) / (1 + e). Holmes (1982), J. Sound Vib. 84, 173.
 
     Args:
       restitution: e, the speed relative to the table after an impact over that before [1].
@@ -293,7 +294,8 @@ def impact_oscillator(
 ) -> Scene:
     """A driven mass on a spring that hits a stop on its right.
 
-    `phases_of` has its motion between impacts. Without impacts it oscillates with the amplitude
+    Its rate does not know the stop: `phases_of` has its motion from impact to impact, for
+    `jaxdyn.integrate.phases.simulate_phases`. Without impacts it oscillates with the amplitude
     F / sqrt((k - m w^2)^2 + (c w)^2), and it grazes a stop at this distance. Shaw and Holmes
     (1983), J. Sound Vib. 90, 129; Nordmark (1991), J. Sound Vib. 145, 279.
 

@@ -173,9 +173,10 @@ class NextSpoke(eqx.Module):
 def rimless_wheel(*, spokes=8, slope=0.08, length=1.0, g=1.0, omega=0.4, t1=5.0) -> Scene:
     """A wheel of spokes without a rim that rolls down a slope, on one spoke after the other.
 
-    It starts on a spoke that has just landed; `phases_of` has its steps. With the default numbers
-    the gait has the angular velocity 0.3497543674325097 after a step, and the multiplier 1/2.
-    McGeer (1990), Int. J. Robotics Research 9(2), 62.
+    It starts on a spoke that has just landed. Its rate is that of one step: `phases_of` has its
+    motion from step to step, for `jaxdyn.integrate.phases.simulate_phases`. With the default
+    numbers the gait has the angular velocity 0.3497543674325097 after a step, and the multiplier
+    1/2. McGeer (1990), Int. J. Robotics Research 9(2), 62.
 
     Args:
       spokes: number of spokes, at least 5.
@@ -276,7 +277,8 @@ def simplest_walker(
 ) -> Scene:
     """Two legs that walk down a slope without a motor, on one foot after the other.
 
-    It starts just after a step; `phases_of` has its steps. The gait on the slope 0.009 has the
+    It starts just after a step. Its rate is that of one step: `phases_of` has its motion from step
+    to step, for `jaxdyn.integrate.phases.simulate_phases`. The gait on the slope 0.009 has the
     angle 0.20031090054424716 and the rate -0.19983247300495 after a step; the gait is stable up to
     a slope of 0.0150884379, where its period doubles. Garcia et al. (1998), J. Biomech. Eng. 120,
     281.
