@@ -21,7 +21,7 @@ from jaxdyn.drawing.curves import CURVE_SAMPLES
 from jaxdyn.drawing.figures import PALETTE
 from jaxdyn.drawing.panels import colours, limits
 from jaxdyn.drawing.solid import _extent
-from jaxdyn.effects import UniformGravity
+from jaxdyn.effects import LinearDrag, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.events import Reaches
 from jaxdyn.integrate.phases import Exit, Phase, simulate_phases
@@ -629,7 +629,8 @@ def test_wrong_orbits_are_refused():
 
 @pytest.mark.slow
 def test_a_title_of_two_lines_is_within_the_picture(tmp_path):
-    motion = simulate(scenes.cannonball(drag=0.05, angle=1.0472), 2.0)
+    windy = LinearDrag(0.1, (3.0, 0.5))
+    motion = simulate(scenes.cannonball(drag=0.05, angle=1.0472) + windy, 2.0)
     figure = drawing.trajectory(motion, tmp_path / "throw.png")
     title = figure.axes[0].title
     assert title.get_text().count("\n") == 1
