@@ -333,7 +333,7 @@ def _locate_jvp(primals, tangents, *, method, sides):
     dy = jnp.zeros_like(y) if dy is None else dy
     f = arriving(field).rate(stop.t, y)
     # A value that jumps over zero does so where one of its conditions changes.
-    jumping = jumping_conditions(events, stop.t, stop.y, f)
+    jumping = jumping_conditions(events, stop.t, stop.y, f, t0)
 
     def value(events, t, y):
         return crossing_values(events, jumping, t, y)[stop.event]

@@ -231,7 +231,9 @@ class EventSampler(eqx.Module):
         return method.advance(lambda t, y: rates(t[0], y), t, hs[None], ys).increment
 
 
-def jumping_conditions(events: tuple, t: Array, y: Array, rate: Array) -> list[Array | None]:
+def jumping_conditions(
+    events: tuple, t: Array, y: Array, rate: Array, t0: Array
+) -> list[Array | None]:
     """For each of E events the condition at which its value jumps over zero at (t, y), or -1.
 
     Args:
@@ -239,11 +241,13 @@ def jumping_conditions(events: tuple, t: Array, y: Array, rate: Array) -> list[A
       t: () time at which the search has found it.
       y: (k,) state that it has found: another integration would miss the condition by more.
       rate: (k,) its rate.
+      t0: () time at which the motion started.
     Returns:
       The () number of the condition among those of the value; None for a value that has none.
     """
-    t, y, rate = jax.lax.stop_gradient((t, y, rate))
-    eps = jnp.finfo(y.dtype).eps
+    t, y, rate, t0 = jax.lax.stop_gradient((t, y, rate, t0))
+    known = _JUMP_ROUNDINGS * jnp.finfo(y.dtype).eps
+    time = jnp.abs(t) + jnp.abs(t0)
 
     def jumping(event) -> Array | None:
         system = _Values((event,))
@@ -254,11 +258,11 @@ def jumping_conditions(events: tuple, t: Array, y: Array, rate: Array) -> list[A
         here = margins(t, y)
         by_time, rows = jax.jacfwd(margins, (0, 1))(t, y)
         along = jnp.abs(by_time + rows @ rate)
-        size = jnp.abs(t * by_time) + jnp.abs(rows) @ jnp.abs(y)
-        noise = _JUMP_ROUNDINGS * eps * size
+        # An entry that is zero is known no better than the time.
+        noise = known * (time * (jnp.abs(by_time) + along) + jnp.abs(rows) @ jnp.abs(y))
         may = (jnp.abs(here) <= noise) & (along > 0) & ~jnp.asarray(plan.bends)
         off = jnp.where(may, (jnp.abs(here) + noise) / along, 0.0)
-        h = 2 * jnp.max(off) + _JUMP_ROUNDINGS * eps * jnp.abs(t)
+        h = 2 * jnp.max(off) + known * time
         ways = jnp.stack([-h, h])
 
         def near(h: Array) -> tuple[Array, Array]:

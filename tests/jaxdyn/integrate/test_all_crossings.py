@@ -325,3 +325,28 @@ def test_an_acceleration_jumps_over_zero_where_a_position_switches_it(start, way
     exact, speed = (2 - 2**0.5, 2**0.5) if way > 0 else ((5**0.5 - 3) / 2, 5**0.5)
     assert abs(t - exact) < 1e-12
     assert abs(slope - 1 / speed) < 1e-12
+
+
+def with_friction(t, y, p):
+    return [y[1], -y[0] - p * jnp.sign(y[1])]
+
+
+class ForceWithFriction(Event):
+    p: jax.Array
+
+    def value(self, t, y):
+        return with_friction(t, y, self.p)[1]
+
+
+@pytest.mark.slow
+def test_a_force_that_jumps_over_zero_where_friction_turns_round():
+    """x = p + (x0 - p) cos t: the force is zero at pi / 2, and turns round where v = 0, at pi."""
+
+    def times(x0, p):
+        scene = jaxdyn.ode(with_friction, jnp.stack([x0, 0.0 * x0]), 8.0, params=p)
+        ts = jaxdyn.crossings(scene, ForceWithFriction(p), 8.0, most=2).ts
+        return ts, ts
+
+    slopes, ts = jax.jacfwd(times, (0, 1), has_aux=True)(jnp.asarray(2.5), jnp.asarray(1.0))
+    assert gap(ts, np.pi * np.array([0.5, 1.0])) < 1e-12
+    assert gap(np.stack(slopes), np.zeros((2, 2))) < 1e-11
