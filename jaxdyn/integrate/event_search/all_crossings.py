@@ -209,7 +209,7 @@ def _find_jvp(primals, tangents, *, method, rows):
     rates = jax.vmap(lambda branch, t, y: rate_in(branch, field, t, y))(branches, ts, ys)
     # A value that jumps over zero does so where one of its conditions changes.
     on = jnp.where(there[:, None], found.ys, ys)
-    jumping = jax.vmap(lambda *row: jumping_conditions((event,), *row, t0))(ts, on, rates)
+    jumping = jax.vmap(lambda t, y, f: jumping_conditions((event,), t, y, f, t0))(ts, on, rates)
 
     def values(event, ts, ys):
         return jax.vmap(lambda *row: crossing_values((event,), *row)[0])(jumping, ts, ys)
