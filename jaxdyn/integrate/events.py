@@ -21,7 +21,12 @@ from jaxdyn._checks import as_float, check_first
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn._records import Record, check_repeatable
 from jaxdyn._text import number_of
-from jaxdyn.integrate.event_search.event_values import coincident, time_tangent, values
+from jaxdyn.integrate.event_search.event_values import (
+    coincident,
+    crossing_values,
+    jumping_conditions,
+    time_tangent,
+)
 from jaxdyn.integrate.flow import flow, run_or_switch
 from jaxdyn.integrate.pieces import Arrival, first_event
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
@@ -100,7 +105,11 @@ class Event(Record):
 
     @abc.abstractmethod
     def value(self, t: Array, y: Array) -> Array:
-        """() the function; smooth and finite on both sides of its zero."""
+        """() the function; finite, and smooth but where its conditions change (`jnp.where`, ...).
+
+        Where it jumps over zero, the event happens at the jump, as that of an acceleration does
+        when a force is switched. Derivatives of the time are those of the condition.
+        """
 
     @property
     def direction(self) -> int:
@@ -320,12 +329,15 @@ def _locate_jvp(primals, tangents, *, method, sides):
             y0 = advance(field, y0, t0, start, none, limits).y1
         return advance(arriving(field), y0, start, stop.t, none, limits).y1
 
-    def value(events, t, y):
-        return values(events, t, y)[stop.event]
-
     y, dy = eqx.filter_jvp(state, (field, y0, t0), (d_field, d_y0, d_t0))
     dy = jnp.zeros_like(y) if dy is None else dy
     f = arriving(field).rate(stop.t, y)
+    # A value that jumps over zero does so where one of its conditions changes.
+    jumping = jumping_conditions(events, stop.t, stop.y, f, t0)
+
+    def value(events, t, y):
+        return crossing_values(events, jumping, t, y)[stop.event]
+
     dt = time_tangent(value, events, d_events, stop.t, y, dy, f, happened)
     dt = jnp.where(happened, dt, jnp.zeros_like(t0) if d_t1 is None else d_t1)
     d_stop = Stop(t=dt, y=dy + f * dt, event=None, status=None, coincident=None)

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn.integrate.event_search.crossings import Crossing, Sides, first_crossing
-from jaxdyn.integrate.event_search.event_values import count
+from jaxdyn.integrate.event_search.event_values import count, evaluate
 from jaxdyn.integrate.march import History, Limits, SolveResult, look_from_start, march
 from jaxdyn.plan import Plan, plan_of
 from jaxdyn.plan.branch import Branch, InBranch, in_branch, jump
@@ -469,6 +469,7 @@ class _Pieces(NamedTuple):
         events = self.events
         ends = np.cumsum([count(event) for event in events])[:-1]
         sides = tuple(jnp.split(run.sides, ends)) if events else ()
+        on = self._begins_on(events, run)
         if self.plan.on_state:
             margins = Margins.of(plain, self.plan, t, state_of(y))
             # A piece begins within its branch.
@@ -484,6 +485,7 @@ class _Pieces(NamedTuple):
             sides,
             method=self.method.for_tangents,
             before=History(state_of(run.before.sizes), run.before.step),
+            on=on,
         )
         hit = (crossing.status == Status.OK) & jnp.isfinite(crossing.t)
         end = jnp.where(hit, crossing.t, now)
@@ -500,6 +502,20 @@ class _Pieces(NamedTuple):
         flat = found.y1.reshape(len(y), -1)
         y = jnp.concatenate([x[:, None], flat[:, 1:]], 1).reshape(y.shape)
         return found, end, y, index, crossing.towards, sizes, run.sides
+
+    def _begins_on(self, events: tuple, run: _Run) -> Array | bool:
+        """(E + margins,) whether a piece may begin on each event, with those of its conditions.
+
+        Where a value is beyond zero by more than rounding just after a switch, it has jumped there.
+        """
+        if not events:
+            return True
+        x, size = state_of(run.y), state_of(run.before.sizes)
+        here = evaluate(self.field, events, run.t, x, size)
+        noise = _MARGIN_ROUNDINGS * (here.rounding + jnp.abs(run.t) * here.speeds)
+        margins = self.plan.size + 2 * self.plan.most_surfaces if self.plan.on_state else 0
+        on = ~run.begun | ~(jnp.abs(here.values) > noise)
+        return jnp.concatenate([on, jnp.ones(margins, bool)])
 
     def _given_sides(self) -> list[Array]:
         """The given signs of the values of each event just after the start."""

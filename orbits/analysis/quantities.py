@@ -101,10 +101,7 @@ def _extremes_at_corners(
         if left <= _RESOLVED * np.abs(y).max() or left > 0.5 * before or len(near) > _MOST_PARTS:
             return (float(y[low]), float(y[high])), (float(ts[low]), float(ts[high]))
         before = left
-        n = _SAMPLES // len(near)
-        each = np.linspace(ts[near], ts[near + 1], n, axis=1).ravel()
-        ts = np.append(each, np.full(_SAMPLES + 1 - len(each), each[-1]))
-        seen = np.arange(_SAMPLES) % n < n - 1  # the others are between two of these parts
+        ts, seen = _within(ts, near)
 
 
 @check_first
@@ -118,10 +115,9 @@ def amplitude(orbit: Orbit, entry: Output) -> float:
 def mean(orbit: Orbit, entry: Output) -> float:
     """The mean of an entry of the state over a period; see `extremes`.
 
-    Limits: accurate to about 12 digits, but to 6 where forces jump.
+    Limits: accurate to about 12 digits, also where forces jump.
     """
-    y, *_ = _along(orbit, entry, _times(orbit))
-    return float(y[:-1].mean())  # exact to rounding for a smooth periodic function
+    return float(_mean_with_turns(orbit, entry, 0).real)
 
 
 @check_first
@@ -134,10 +130,66 @@ def phase(orbit: Orbit, entry: Output) -> float:
       The phase, from -pi to pi.
     Limits: those of `mean`.
     """
+    return float(-np.angle(_mean_with_turns(orbit, entry, 1)))
+
+
+def _mean_with_turns(orbit: Orbit, entry: Output, turns: int) -> complex:
+    """The mean of an entry times exp(-2 pi i n t / T) over a period T, for n turns."""
+    if callable(entry) or plan_of(orbit.scene.field, len(orbit.y0)).size:
+        return _integral_at_corners(orbit, entry, turns) / orbit.period
     y, *_ = _along(orbit, entry, _times(orbit))
     n = len(y) - 1
-    turn = np.exp(-2j * np.pi * np.arange(n) / n)
-    return float(-np.angle(y[:-1] @ turn))
+    # Exact to rounding for a smooth periodic function.
+    return complex(np.mean(y[:-1] * np.exp(-2j * np.pi * turns * np.arange(n) / n)))
+
+
+def _integral_at_corners(orbit: Orbit, entry: Output, turns: int) -> complex:
+    """That of an entry times exp(-2 pi i n t / T) over a period T, where forces jump.
+
+    Between two samples it is that of a polynomial of degree 5. The samples of each round are in the
+    parts of the last in which there is a corner, where this would be wrong.
+    """
+    speed = -2j * np.pi * turns / orbit.period
+    ts, total, before, seen = _times(orbit), 0.0j, np.inf, np.ones(_SAMPLES, bool)
+    while True:
+        y, slopes, curvatures = _along(orbit, entry, ts)
+        turn = np.exp(speed * ts)
+        curvatures = turn * (curvatures + 2 * speed * slopes + speed**2 * y)
+        slopes, y = turn * (slopes + speed * y), turn * y
+        parts, off = _integrate_parts(np.diff(ts), y, slopes, curvatures)
+        off = np.where(seen, off, 0.0)
+        rounding = np.finfo(float).eps * orbit.period * np.abs(y).max()
+        worst = np.sort(np.argsort(off)[-_MOST_PARTS:])
+        near = worst[off[worst] > rounding / _MOST_PARTS]
+        left = off[near].sum()
+        if left <= rounding or left > 0.5 * before:
+            return complex(total + parts[seen].sum())
+        before = left
+        seen[near] = False
+        total += parts[seen].sum()
+        ts, seen = _within(ts, near)
+
+
+def _integrate_parts(
+    h: np.ndarray, y: np.ndarray, slopes: np.ndarray, curvatures: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) integrals between samples h (n,) apart, and by how much they would change at corners."""
+    rise, tilt, bend = np.diff(y), -np.diff(slopes), curvatures[1:] + curvatures[:-1]
+    level, ends = y[1:] + y[:-1], slopes[1:] + slopes[:-1]
+    fine = h * (level / 2 + h * (tilt / 10 + h * bend / 120))
+    # The cubic misses a corner by another part of it, a jump of the value by all of it.
+    cubic = h * (level / 2 + h * tilt / 12)
+    jump = h * (rise - h * (ends / 2 - h * np.diff(curvatures) / 12))
+    return fine, np.abs(fine - cubic) + np.abs(jump)
+
+
+def _within(ts: np.ndarray, parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """New samples within some parts of those at ts, and which of the parts between them count."""
+    n = _SAMPLES // len(parts)
+    each = np.linspace(ts[parts], ts[parts + 1], n, axis=1).ravel()
+    new = np.append(each, np.full(_SAMPLES + 1 - len(each), each[-1]))
+    # The others are between two of these parts, or have no length.
+    return new, (np.arange(_SAMPLES) % n < n - 1) & (np.arange(_SAMPLES) < len(each))
 
 
 _OF_ENTRIES: dict[str, Callable[[Orbit, Output], float]] = {

@@ -19,7 +19,11 @@ from jaxdyn import _checks, _text
 from jaxdyn._checks import check_first
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn._text import number_of
-from jaxdyn.integrate.event_search.event_values import time_tangent
+from jaxdyn.integrate.event_search.event_values import (
+    crossing_values,
+    jumping_conditions,
+    time_tangent,
+)
 from jaxdyn.integrate.events import Event, as_events
 from jaxdyn.integrate.flow import flow, rate_in, run_or_switch
 from jaxdyn.integrate.march import Limits
@@ -199,13 +203,17 @@ def _find_jvp(primals, tangents, *, method, rows):
         none = jnp.zeros(0)
         return flow(in_branch(field, branch), y, start, t, none, limits, method=method).y1
 
-    def values(event, ts, ys):
-        return jax.vmap(event.value)(ts, ys)
-
     ys, dys = eqx.filter_jvp(states, (field, y0, t0), (d_field, d_y0, d_t0))
     dys = jnp.zeros_like(ys) if dys is None else dys
     branches = None if arrivals is None else arrivals.branch
     rates = jax.vmap(lambda branch, t, y: rate_in(branch, field, t, y))(branches, ts, ys)
+    # A value that jumps over zero does so where one of its conditions changes.
+    on = jnp.where(there[:, None], found.ys, ys)
+    jumping = jax.vmap(lambda t, y, f: jumping_conditions((event,), t, y, f, t0))(ts, on, rates)
+
+    def values(event, ts, ys):
+        return jax.vmap(lambda *row: crossing_values((event,), *row)[0])(jumping, ts, ys)
+
     dts = time_tangent(values, event, d_event, ts, ys, dys, rates, there)
     dts = jnp.where(there, dts, 0.0)
     dys = jnp.where(there[:, None], dys + rates * dts[:, None], 0.0)

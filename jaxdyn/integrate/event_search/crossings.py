@@ -242,7 +242,7 @@ class _RootRefinement(NamedTuple):
 
 
 def refine_roots(
-    sampler: EventSampler, t0: Array, y0: Array, bracket: Bracket
+    sampler: EventSampler, t0: Array, y0: Array, bracket: Bracket, on: Array | bool = True
 ) -> tuple[Array, Array]:
     """(E,) times after t0 at which events happen, inf if not, and the states (k, E) then.
 
@@ -253,6 +253,14 @@ def refine_roots(
     taken from the bracket, not evaluated. In the end, when only rounding remains, the search steps
     back to a state that is not beyond the event: a ball released below the floor, even by one
     rounding, may never come above it, and would fall through.
+
+    Args:
+      sampler: the events.
+      t0: () time of the node.
+      y0: (k,) state then.
+      bracket: where each event is.
+      on: (E,) whether an event that is enclosed from the node on may have begun on it. One that has
+        not, and is beyond it at once, has jumped there.
     """
     found, towards = bracket.found, bracket.towards
     first = jnp.where(found, bracket.low, 0.0)
@@ -264,7 +272,7 @@ def refine_roots(
         ahead = sampler.after(t0, y0, p.h)
         g, slope, side = (jnp.diagonal(x) for x in (ahead.g, ahead.slope, ahead.side))
         # A start on the event may be beyond it by rounding, and leave before it returns.
-        leaves = (first == 0) & (slope * (p.high - p.low) * towards < 0)
+        leaves = on & (first == 0) & (slope * (p.high - p.low) * towards < 0)
         before = (jnp.sign(g) == -towards) | leaves
         low, high = jnp.where(before, p.h, p.low), jnp.where(before, p.high, p.h)
         new = p.h - g / jnp.where(slope == 0, 1.0, slope)
@@ -423,6 +431,7 @@ def first_crossing(
     *,
     method: Method,
     before: History | None = None,
+    on: Array | bool = True,
 ):
     """The motion up to where the search ended, and the first crossing; without derivatives.
 
@@ -438,13 +447,14 @@ def first_crossing(
         Python number other than 0 needs no look at the start, which is a third of the program.
       method: see `flow`.
       before: see `march`.
+      on: (E,) whether the motion may start on each event, see `refine_roots`.
     """
     sampler = EventSampler(field, events, method)
     watch = _CrossingWatch(sampler, sides, TimeDependence.of(events, len(y0)))
     out, seen, sizes = march(
         field, y0, t0, t1, ts, limits, method=method, watch=watch, before=before
     )
-    hs, ys = refine_roots(sampler, seen.t0, seen.y0, seen.bracket)
+    hs, ys = refine_roots(sampler, seen.t0, seen.y0, seen.bracket, on)
     # The first of the events among those that happen at once.
     near = jnp.abs(hs) <= jnp.min(jnp.abs(hs)) * (1 + _SIMULTANEOUS)
     which = jnp.argmax(near)

@@ -26,6 +26,10 @@ _NEIGHBOUR_PAIRS = 3
 _FEW_WAVES = 4.0
 #: Roundings of state and time within which two events count as simultaneous.
 _COINCIDENCE_ROUNDINGS = 64
+#: Roundings of time and state by which a condition at a jump may miss its change.
+_JUMP_ROUNDINGS = 64
+#: Part of the change of a value across a condition that its slopes leave over where it jumps.
+_LEAST_JUMP = 0.5
 
 
 class EventValues(NamedTuple):
@@ -227,6 +231,78 @@ class EventSampler(eqx.Module):
         return method.advance(lambda t, y: rates(t[0], y), t, hs[None], ys).increment
 
 
+def jumping_conditions(
+    events: tuple, t: Array, y: Array, rate: Array, t0: Array
+) -> list[Array | None]:
+    """For each of E events the condition at which its value jumps over zero at (t, y), or -1.
+
+    Args:
+      events: modules with ``value(t, y)``.
+      t: () time at which the search has found it.
+      y: (k,) state that it has found: another integration would miss the condition by more.
+      rate: (k,) its rate.
+      t0: () time at which the motion started.
+    Returns:
+      The () number of the condition among those of the value; None for a value that has none.
+    """
+    t, y, rate, t0 = jax.lax.stop_gradient((t, y, rate, t0))
+    known = _JUMP_ROUNDINGS * jnp.finfo(y.dtype).eps
+    time = jnp.abs(t) + jnp.abs(t0)
+
+    def jumping(event) -> Array | None:
+        system = _Values((event,))
+        plan = plan_of(system, len(y))
+        if not plan.size:
+            return None
+        margins = functools.partial(_margins_of_value, event)
+        here = margins(t, y)
+        by_time, rows = jax.jacfwd(margins, (0, 1))(t, y)
+        along = jnp.abs(by_time + rows @ rate)
+        # An entry that is zero is known no better than the time.
+        noise = known * (time * (jnp.abs(by_time) + along) + jnp.abs(rows) @ jnp.abs(y))
+        may = (jnp.abs(here) <= noise) & (along > 0) & ~jnp.asarray(plan.bends)
+        off = jnp.where(may, (jnp.abs(here) + noise) / along, 0.0)
+        h = 2 * jnp.max(off) + known * time
+        ways = jnp.stack([-h, h])
+
+        def near(h: Array) -> tuple[Array, Array]:
+            ahead = (jnp.ones_like(t), rate)
+            return jax.jvp(system.rate, (t + h, y + h * rate), ahead)
+
+        (before, after), slopes = (x[:, 0] for x in jax.vmap(near)(ways))
+        change = after - before
+        left = jnp.abs(change - h * jnp.sum(slopes))
+        jumps = (before * after < 0) & (left > _LEAST_JUMP * jnp.abs(change))
+        nearest = jnp.argmin(jnp.where(may, jnp.abs(here) / along, jnp.inf))
+        return jnp.where(jumps & may.any(), nearest, -1)
+
+    return [jumping(event) for event in events]
+
+
+def crossing_values(events: tuple, jumping: list[Array | None], t: Array, y: Array) -> Array:
+    """(E,) functions, smooth at a crossing, that are zero there: the values themselves, or margins.
+
+    Args:
+      events: modules with ``value(t, y)``.
+      jumping: the conditions at which they jump, see `jumping_conditions`.
+      t: () time.
+      y: (k,) state.
+    """
+    found = []
+    for event, which in zip(events, jumping, strict=True):
+        value = event.value(t, y)
+        if which is not None:
+            value = jnp.where(which < 0, value, _margins_of_value(event, t, y)[which])
+        found.append(value)
+    return jnp.stack(found)
+
+
+def _margins_of_value(event, t: Array, y: Array) -> Array:
+    """(e,) by how much each condition of a value is from changing."""
+    system = _Values((event,))
+    return plan_of(system, len(y)).evaluate(system, t, y)[1].margins
+
+
 def time_tangent(
     value: Callable, event: Any, d_event: Any, t: Array, y: Array, dy: Array, rate: Array, happened
 ) -> Array:
@@ -242,7 +318,7 @@ def time_tangent(
       rate: the rate of the state.
       happened: whether the event happened.
     Raises:
-      ValueError: the value has no slope whatever the numbers, as a sign has none.
+      ValueError: the value has no slope whatever the numbers, as jnp.signbit has none.
     """
     _, rise = eqx.filter_jvp(value, (event, t, y), (d_event, jnp.zeros_like(t), dy))
     along = functools.partial(value, event)
@@ -251,9 +327,9 @@ def time_tangent(
         raise _checks.fail(
             "derivative of the time of an event",
             "an event whose value has a slope where it crosses zero",
-            "one that is constant on both sides, as by jnp.sign, jnp.where or a comparison",
+            "one that is constant on both sides, and whose conditions cannot be read",
             "Its time has no derivative. Make what changes its sign the event: y[0] - level, not "
-            "jnp.sign(y[0] - level).",
+            "jnp.signbit(y[0] - level).",
         )
     if rise is None:
         return jnp.zeros_like(slope)

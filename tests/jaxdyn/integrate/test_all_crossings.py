@@ -1,5 +1,6 @@
 """jaxdyn.crossings: all crossings of a motion, with their derivatives."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,7 +10,7 @@ from odes import lorenz
 
 import jaxdyn
 from jaxdyn import Status, scenes
-from jaxdyn.integrate.events import Every, Reaches, until
+from jaxdyn.integrate.events import Event, Every, Reaches, until
 
 TIGHT = {"rtol": 1e-13}
 RISES, FALLS, BOTH = (Reaches(0, 0.0, way) for way in (1, -1, 0))
@@ -219,3 +220,133 @@ def test_derivatives_where_the_friction_of_a_block_turns_round_and_sticks(deriva
     found = derivative(lambda x: turns(x, most=4))(x)
     assert gap(found[:3], derivative(turns_exactly)(x, n)) < 10 * SOLVED
     assert (found[3] == 0).all()  # it sticks at the third one
+
+
+def square_wave(t, y, p):
+    """A filter whose input is 3 in the first p[0] of each period p[1]."""
+    return [-y[0] + 3.0 * jnp.where(jnp.mod(t, p[1]) < p[0], 1.0, 0.0)]
+
+
+class SlopeOfFilter(Event):
+    p: jax.Array
+    way: int = eqx.field(static=True, default=0)
+
+    def value(self, t, y):
+        return square_wave(t, y, self.p)[0]
+
+    @property
+    def direction(self):
+        return self.way
+
+
+SWITCHED = jnp.array([0.7, 2.0])
+
+
+def filtered(p):
+    return jaxdyn.ode(square_wave, [0.476], 4.2, params=p)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("t1", "ts", "slopes"),
+    [
+        (4.2, [0.7, 2.0, 2.7, 4.0], [[1, 0], [0, 1], [1, 1], [0, 2]]),
+        (-4.2, [0.0, -1.3, -2.0, -3.3, -4.0], [[0, 0], [1, -1], [0, -1], [1, -2], [0, -2]]),
+    ],
+)
+def test_a_value_that_jumps_over_zero_where_the_rate_switches_crosses_it_there(t1, ts, slopes):
+    def times(p):
+        found = jaxdyn.crossings(filtered(p), SlopeOfFilter(p), t1, most=len(ts))
+        return found.ts, (found.ts, found.directions)
+
+    d_found, (found, directions) = jax.jacfwd(times, has_aux=True)(SWITCHED)
+    assert gap(found, ts) < 1e-14
+    assert directions.tolist() == [(-1) ** (i + 1) for i in range(len(ts))]
+    assert gap(d_found, slopes) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("way", "t1", "t", "slope"), [(-1, 4.2, 0.7, [1, 0]), (1, -4.2, -1.3, [1, -1])]
+)
+def test_the_first_jump_in_the_wanted_direction_ends_the_motion(way, t1, t, slope):
+    found, slopes = jax.value_and_grad(lambda p: until(filtered(p), SlopeOfFilter(p, way), t1).t)(
+        SWITCHED
+    )
+    assert abs(found - t) < 1e-14
+    assert gap(slopes, slope) < 1e-12
+
+
+class JumpsAt(Event):
+    """A value with slopes on both sides of a level of the position, which say nothing of it."""
+
+    level: jax.Array
+
+    def value(self, t, y):
+        return jnp.where(y[0] > self.level, 1.0 + t, y[1] - 2.0)
+
+
+def test_times_of_jumps_at_a_level_of_the_state_are_those_of_the_level():
+    """x = sin(w t) / w is at 1/2 at t = pi/6 and 5 pi/6 for w = sqrt(k) = 1."""
+
+    def times(k, level):
+        scene = scenes.oscillator(k=k, x=0.0, v=1.0)
+        ts = jaxdyn.crossings(scene, JumpsAt(level), 3.0, most=2).ts
+        return ts, ts
+
+    (by_k, by_level), ts = jax.jacfwd(times, (0, 1), has_aux=True)(1.0, 0.5)
+    speeds = np.sqrt(0.75) * np.array([1.0, -1.0])
+    assert gap(ts, np.pi * np.array([1, 5]) / 6) < 1e-9
+    assert gap(by_level, 1 / speeds) < 1e-9
+    assert gap(by_k, 0.5 * (0.5 / speeds - ts)) < 1e-9
+
+
+def pushed_back(t, y, p):
+    return [y[1], jnp.where(y[0] < p, -1.0, 2.0)]
+
+
+class Pushes(Event):
+    p: jax.Array
+
+    def value(self, t, y):
+        return pushed_back(t, y, self.p)[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("start", "way"), [([0.0, 2.0], 1), ([2.0, 3.0], -1)])
+def test_an_acceleration_jumps_over_zero_where_a_position_switches_it(start, way):
+    """x = 2 t - t^2 / 2 up to x = p, or x = 2 + 3 t + t^2 back to it."""
+
+    def time(p):
+        scene = jaxdyn.ode(pushed_back, start, 3.0, params=p)
+        t = until(scene, Pushes(p), way * 3.0).t
+        return t, t
+
+    slope, t = jax.grad(time, has_aux=True)(1.0)
+    exact, speed = (2 - 2**0.5, 2**0.5) if way > 0 else ((5**0.5 - 3) / 2, 5**0.5)
+    assert abs(t - exact) < 1e-12
+    assert abs(slope - 1 / speed) < 1e-12
+
+
+def with_friction(t, y, p):
+    return [y[1], -y[0] - p * jnp.sign(y[1])]
+
+
+class ForceWithFriction(Event):
+    p: jax.Array
+
+    def value(self, t, y):
+        return with_friction(t, y, self.p)[1]
+
+
+@pytest.mark.slow
+def test_a_force_that_jumps_over_zero_where_friction_turns_round():
+    """x = p + (x0 - p) cos t: the force is zero at pi / 2, and turns round where v = 0, at pi."""
+
+    def times(x0, p):
+        scene = jaxdyn.ode(with_friction, jnp.stack([x0, 0.0 * x0]), 8.0, params=p)
+        ts = jaxdyn.crossings(scene, ForceWithFriction(p), 8.0, most=2).ts
+        return ts, ts
+
+    slopes, ts = jax.jacfwd(times, (0, 1), has_aux=True)(jnp.asarray(2.5), jnp.asarray(1.0))
+    assert gap(ts, np.pi * np.array([0.5, 1.0])) < 1e-12
+    assert gap(np.stack(slopes), np.zeros((2, 2))) < 1e-11

@@ -336,23 +336,33 @@ STEPPED = [
 ]
 
 
+def first_time(find, event, k):
+    scene = scenes.oscillator(k=k, x=1.0)
+    if find is until:
+        return until(scene, event, 3.0).t
+    return crossings(scene, event, 3.0, most=1).ts[0]
+
+
 @pytest.mark.sample("crossings-<lambda>2")
 @pytest.mark.parametrize("value", STEPPED)
 @pytest.mark.parametrize("find", [until, crossings])
-def test_the_time_of_a_step_has_no_derivative_and_says_so(value, find):
-    event = When(value)
+def test_the_time_of_a_step_has_the_derivative_of_its_condition(value, find):
+    """x = cos(sqrt(k) t) falls to 1/2 at arccos(1/2) / sqrt(k)."""
+    time, slope = jax.value_and_grad(lambda k: first_time(find, When(value), k))(1.0)
+    assert abs(time - np.arccos(0.5)) < 1e-9
+    assert abs(slope + 0.5 * np.arccos(0.5)) < 1e-9
 
-    def time(k):
-        scene = scenes.oscillator(k=k, x=1.0)
-        return until(scene, event, 3.0).t if find is until else first(scene)
 
-    def first(scene):
-        return crossings(scene, event, 3.0, most=1).ts[0]
+def signbit(t, y):
+    return 0.5 - jnp.asarray(jnp.signbit(y[0] - 0.5), float)
 
-    assert abs(time(1.0) - np.arccos(0.5)) < 1e-9
+
+@pytest.mark.parametrize("find", [until, crossings])
+def test_the_time_of_a_step_that_cannot_be_read_has_no_derivative_and_says_so(find):
+    assert abs(first_time(find, When(signbit), 1.0) - np.arccos(0.5)) < 1e-9
     message = r"^derivative of the time of an event: .* constant on both sides.*not jnp\.sign"
     with pytest.raises(ValueError, match=message):
-        jax.grad(time)(1.0)
+        jax.grad(lambda k: first_time(find, When(signbit), k))(1.0)
 
 
 @pytest.mark.slow

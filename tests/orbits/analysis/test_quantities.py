@@ -54,6 +54,40 @@ def test_extremes_at_corners():
     np.testing.assert_allclose(extremes(orbit, "u"), exact, rtol=1e-13)
 
 
+def test_means_and_phases_where_forces_jump():
+    """The filter u' = v(t) - u of a voltage v that is 3 for 0.7 of 2."""
+
+    def voltage(t, y):
+        return jnp.where(jnp.mod(t, 2.0) < 0.7, 3.0, 0.0)
+
+    def rate(t, y):
+        return [voltage(t, y) - y[0]]
+
+    orbit = orbits.find(jaxdyn.ode(rate, [0.5], 2.0, names=["u"]))
+    harmonic = (1 - np.exp(-0.7j * np.pi)) / (1j * np.pi)  # of the voltage
+    assert abs(mean(orbit, "u") - 1.05) < 1e-12
+    assert abs(phase(orbit, "u") + np.angle(harmonic / (1 + 1j * np.pi))) < 1e-12
+    # The values of a function may jump as well.
+    assert abs(mean(orbit, voltage) - 1.05) < 1e-11
+    assert abs(phase(orbit, voltage) + np.angle(harmonic)) < 1e-11
+
+
+def test_means_and_phases_of_a_relay():
+    """x' = -y, y' = sgn x in two parabolas: corners where the state crosses zero.
+
+    For x from 1/2 at y = 0, x = (1 - t^2) / 2 up to t = 1, and y = t: a triangle of period 4.
+    """
+
+    def rate(t, y):
+        return [-y[1], jnp.sign(y[0])]
+
+    orbit = orbits.find(jaxdyn.ode(rate, [0.5, 0.0], 4.0, names=["x", "y"]), hold="x")
+    assert abs(orbit.period - 4.0) < 1e-12
+    assert max(abs(mean(orbit, "x")), abs(mean(orbit, "y"))) < 1e-12
+    assert abs(phase(orbit, "x")) < 1e-12
+    assert abs(phase(orbit, "y") - np.pi / 2) < 1e-12
+
+
 def test_names_mean_the_functions(driven):
     orbit, _ = driven
     assert quantity("period")(orbit) == orbit.period
