@@ -397,8 +397,10 @@ class Crossing(NamedTuple):
       towards: () sign of its value after the crossing.
       steps: () number of steps of the search, also rejected ones.
       sizes: (k,) sizes of the motion so far, see `solvers.stepper`.
-      sides: (E,) signs of the values at the end of the span, where nothing happened; for a value
-        within rounding of zero the sign before, 0 where none is known.
+      sides: (E,) signs of the values at the end of the span; where something happened, a little
+        after it, between two samples. For a value within rounding of zero it is the sign before, 0
+        where none is known.
+      crossed: (E,) whether each event happens between these samples.
     """
 
     t: Array
@@ -409,6 +411,7 @@ class Crossing(NamedTuple):
     steps: Array
     sizes: Array
     sides: Array
+    crossed: Array
 
 
 def first_crossing(
@@ -423,6 +426,7 @@ def first_crossing(
     *,
     method: Method,
     before: History | None = None,
+    decides: Array | bool = True,
 ):
     """The motion up to where the search ended, and the first crossing; without derivatives.
 
@@ -438,9 +442,12 @@ def first_crossing(
         Python number other than 0 needs no look at the start, which is a third of the program.
       method: see `flow`.
       before: see `march`.
+      decides: whether the start decides on a side that is not known; (m,) or () for the m values
+        that are looked at. If not, it is the first that a value has.
     """
     sampler = EventSampler(field, events, method)
-    watch = _CrossingWatch(sampler, sides, TimeDependence.of(events, len(y0)))
+    in_time = TimeDependence.of(events, len(y0))
+    watch = _CrossingWatch(sampler, sides, in_time, decides=decides)
     out, seen, sizes = march(
         field, y0, t0, t1, ts, limits, method=method, watch=watch, before=before
     )
@@ -467,7 +474,8 @@ def first_crossing(
         towards=towards,
         steps=out.steps + out.rejected,
         sizes=sizes,
-        sides=seen.end.side,
+        sides=jnp.where(seen.bracket.found.any(), seen.bracket.towards, seen.end.side),
+        crossed=seen.bracket.found,
     )
     return out, found
 
@@ -513,6 +521,7 @@ class _CrossingWatch(Watch):
     sides: Sides
     in_time: TimeDependence | None
     direction: Array | float = 1.0
+    decides: Array | bool = True
 
     @property
     def wanted(self) -> Array:
@@ -568,6 +577,8 @@ class _CrossingWatch(Watch):
         looked_at, found, i = self.looked_at, jnp.zeros(0), 0
         if beginning is not None:
             found = beginning.sides(looked_at, h, directions(looked_at))
+            if self.decides is not True:
+                found = jnp.where(self.decides, found, 0.0)
         signs = []
         for event, side in zip(self.sampler.events, self.sides, strict=True):
             n = count(event)
