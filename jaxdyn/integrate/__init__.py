@@ -6,7 +6,8 @@ with its derivatives in both modes, by the variational equations, and the change
 where the default does not suit a motion. `adjoint` has the gradient of one loss with respect to
 many numbers (`adjoint=True`), `fixed` the solve with the parameters as constants. `march` is the
 loop over steps: their size, samples on the way, and that none passes over brief parts of a rate.
-`pieces` follows rates with conditions, each piece in one branch. Events are in `events` (the calls,
+`pieces` follows rates with conditions, each piece in one branch; `resting` has the events whose
+values stay at zero while such a motion is held on a surface. Events are in `events` (the calls,
 and what they return) and in the folder `event_search` (the search within a step). Piecewise-smooth
 motions are in `phases` (the calls, which phase is first and next) and `phase` (one phase, and when
 a state fits it).

@@ -21,6 +21,7 @@ from jaxdyn._checks import as_float, check_first
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn._records import Record, check_repeatable
 from jaxdyn._text import number_of
+from jaxdyn.integrate import resting
 from jaxdyn.integrate.event_search.event_values import (
     coincident,
     crossing_values,
@@ -214,6 +215,11 @@ def until(
     value does not, the event happens at t0 if it then goes in the wanted direction; if both
     directions are wanted, it does not happen.
 
+    A value that reaches zero and is held there, as the velocity of a block by friction, has crossed
+    it when it arrives. If it goes on to the other side later, nothing happens; if it returns, that
+    is a crossing back, when it is let go. So directions alternate, and what happens does not depend
+    on what follows. A motion that starts held has left the event, to whichever side it goes.
+
     Args:
       scene: system, effects, start.
       events: one or several to search for.
@@ -325,7 +331,9 @@ def _locate_jvp(primals, tangents, *, method, sides):
     def state(field, y0, t0):
         start, none = t0, jnp.zeros(0)
         if arrival is not None:
-            start = jax.lax.stop_gradient(0.5 * (arrival.since + stop.t))
+            # While it is held, one branch shows no sizes to measure errors by.
+            start = jnp.where(arrival.ended >= 0, stop.t, 0.5 * (arrival.since + stop.t))
+            start = jax.lax.stop_gradient(start)
             y0 = advance(field, y0, t0, start, none, limits).y1
         return advance(arriving(field), y0, start, stop.t, none, limits).y1
 
@@ -338,7 +346,17 @@ def _locate_jvp(primals, tangents, *, method, sides):
     def value(events, t, y):
         return crossing_values(events, jumping, t, y)[stop.event]
 
-    dt = time_tangent(value, events, d_events, stop.t, y, dy, f, happened)
+    leaves = jnp.zeros((), bool)
+    if arrival is not None and resting.may_rest(field, len(y0)):
+        leaves = arrival.ended >= 0
+    dt = time_tangent(value, events, d_events, stop.t, y, dy, f, happened & ~leaves)
+    if arrival is not None and resting.may_rest(field, len(y0)):
+
+        def end(field, t, y):
+            return resting.end(field, arrival, t, y)
+
+        at_end = time_tangent(end, field, d_field, stop.t, y, dy, f, happened & leaves)
+        dt = jnp.where(leaves, at_end, dt)
     dt = jnp.where(happened, dt, jnp.zeros_like(t0) if d_t1 is None else d_t1)
     d_stop = Stop(t=dt, y=dy + f * dt, event=None, status=None, coincident=None)
     return (stop, arrival), (d_stop, jax.tree.map(lambda _: None, arrival))

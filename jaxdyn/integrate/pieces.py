@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxdyn.integrate import resting
 from jaxdyn.integrate.event_search.crossings import Crossing, Sides, first_crossing
 from jaxdyn.integrate.event_search.event_values import count, evaluate
 from jaxdyn.integrate.march import History, Limits, SolveResult, look_from_start, march
@@ -50,10 +51,13 @@ class Arrival(NamedTuple):
     Attributes:
       since: () the time at which it began.
       branch: its branch.
+      ended: () number of the margin that ended it, where the motion rested on an event that it left
+        there; else -1. See `InBranch.change`.
     """
 
     since: Array
     branch: Branch
+    ended: Array
 
 
 class Branches(NamedTuple):
@@ -162,6 +166,7 @@ class _Run(NamedTuple):
       arrival: how it has come to t.
       passed: () whether it has passed a switch at its end.
       sampled: (s, ...) its branches at the samples so far; None where they are not asked for.
+      rested: (E,) whether the values of the events rested in the last piece, see `resting`.
     """
 
     t: Array
@@ -182,6 +187,7 @@ class _Run(NamedTuple):
     arrival: Arrival
     passed: Array
     sampled: Branch | None
+    rested: Array
 
 
 def run_pieces(
@@ -227,6 +233,7 @@ def run_pieces(
         steps=run.result.steps + run.result.rejected,
         sizes=state_of(run.before.sizes),
         sides=run.sides,
+        crossed=jnp.arange(len(run.sides)) == run.event,
     )
     result = eqx.tree_at(lambda result: result.y1, run.result, y1)
     last = run.arrival.branch
@@ -297,6 +304,7 @@ class _Pieces(NamedTuple):
             stiff=jnp.zeros((), bool),
         )
         branch = Branch.of(first.outcomes, self.plan.most_surfaces)
+        sides = jnp.concatenate([jnp.zeros(0), *self._given_sides()])
         run = _Run(
             t=jnp.asarray(self.t0),
             y=y0,
@@ -309,16 +317,17 @@ class _Pieces(NamedTuple):
             event=jnp.asarray(-1),
             towards=jnp.zeros(()),
             begun=jnp.zeros((), bool),
-            sides=jnp.concatenate([jnp.zeros(0), *self._given_sides()]),
+            sides=sides,
             before=History(jnp.zeros_like(y0), jnp.zeros(())),
             stalled=zero,
             kinked=jnp.zeros(y0.shape[1:], bool),
-            arrival=Arrival(jnp.asarray(self.t0), branch),
+            arrival=Arrival(jnp.asarray(self.t0), branch, jnp.asarray(-1)),
             passed=jnp.zeros((), bool),
             sampled=None,
+            rested=jnp.zeros(sides.shape, bool),
         )
         branch, ambiguous = self._settle(run)
-        arrival = Arrival(run.t, branch)
+        arrival = run.arrival._replace(branch=branch)
         return run._replace(branch=branch, arrival=arrival), ambiguous
 
     def behind(self, run: _Run) -> Branch:
@@ -383,7 +392,8 @@ class _Pieces(NamedTuple):
         now = jnp.where(self.goes_on(run), now, run.t)
         used = run.result.steps + run.result.rejected
         limits = self.limits.with_steps(self.limits.max_steps[0] - used)
-        found, end, y_end, index, towards, sizes, sides = self._move(branch, run, y, now, limits)
+        moved = self._move(branch, run, y, now, limits)
+        found, end, y_end, index, towards, sizes, sides, rests = moved
         within = (self.way * self.ts > self.way * run.t) & (self.way * self.ts <= self.way * end)
         rows = within.reshape(-1, *[1] * y.ndim)
         step = jnp.abs(end - run.t) / jnp.maximum(found.steps, 1)
@@ -421,6 +431,7 @@ class _Pieces(NamedTuple):
             arrival=self._arrival(run, end, over),
             passed=self.way * run.t >= self.way * self.t1,
             sampled=_in_rows(within, branch, run.sampled),
+            rested=rests,
         )
         return self._settled(reached, over)
 
@@ -429,7 +440,7 @@ class _Pieces(NamedTuple):
         # A piece that a switch at the very end leaves over is none that arrives.
         rest = ~jnp.asarray(self.passes) & run.crossed.any() & over
         rest = (end == run.t) | (rest & (jnp.abs(end - run.t) <= self._known))
-        new = Arrival(run.t, run.branch)
+        new = Arrival(run.t, run.branch, jnp.asarray(-1))
         return jax.tree.map(lambda new, old: jnp.where(rest, old, new), new, run.arrival)
 
     def _settled(self, reached: _Run, over: Array) -> _Run:
@@ -444,7 +455,24 @@ class _Pieces(NamedTuple):
             crossed=reached.crossed & ~stays,
             left=jnp.where(stays, -1, reached.left),
         )
+        if self.events and self.plan.most_surfaces:
+            reached = self._leaving(reached)
         return _end_if_ambiguous(reached, ambiguous & self.goes_on(reached))
+
+    def _leaving(self, run: _Run) -> _Run:
+        """The motion, ended by an event on which it has rested and which it leaves."""
+        t, y, field = run.t, state_of(run.y), InBranch(self.system, run.branch)
+        leaves, sides = resting.leaves(self.events, field, run.old, self.plan, t, y)
+        leaves &= run.rested & (sides != 0) & self.goes_on(run)
+        happens = leaves & (sides * run.sides < 0) & resting.wanted(self.events, sides)
+        first = jnp.argmax(happens)
+        ended = jnp.where(happens.any(), self._switched(run)[0], run.arrival.ended)
+        return run._replace(
+            event=jnp.where(happens.any(), first, run.event),
+            towards=jnp.where(happens.any(), sides[first], run.towards),
+            sides=jnp.where(leaves, sides, run.sides),
+            arrival=run.arrival._replace(ended=ended),
+        )
 
     def _before_break(self, t: Array, now: Array) -> Array:
         """The time `now`, or the first after t at which a step ends by request."""
@@ -457,19 +485,24 @@ class _Pieces(NamedTuple):
     def _move(self, branch: Branch, run: _Run, y: Array, now: Array, limits: Limits):
         """A piece up to a time: result, end, state there, the event that ended it, its side.
 
-        The last results are the sizes of the motion, and the sides of the events at the end. These
-        are kept where a time ends the piece: an event may happen at that time.
+        The last results are the sizes of the motion, the sides of the events at the end, and
+        whether they rest. The sides are kept from piece to piece: an event may happen at its end.
         """
         t, here = run.t, in_branch(self.field, branch)
         options = {"method": self.method, "before": run.before}
         if not (self.plan.on_state or self.events):
             found, _, sizes = march(here, y, t, now, self.ts, limits, **options)
-            return found, now, found.y1, jnp.asarray(-1), jnp.zeros(()), sizes, run.sides
+            end = now, found.y1, jnp.asarray(-1), jnp.zeros(())
+            return found, *end, sizes, run.sides, run.rested
         plain = InBranch(self.system, branch)
-        events = self.events
+        events, rests = self.events, run.rested
         ends = np.cumsum([count(event) for event in events])[:-1]
         sides = tuple(jnp.split(run.sides, ends)) if events else ()
         on = self._begins_on(events, run)
+        if events and self.plan.most_surfaces:
+            size = state_of(run.before.sizes)
+            rests = resting.rests(events, plain, self.plan, t, state_of(y), size)
+            events = resting.held(events, rests, run.sides)
         if self.plan.on_state:
             margins = Margins.of(plain, self.plan, t, state_of(y))
             # A piece begins within its branch.
@@ -486,22 +519,28 @@ class _Pieces(NamedTuple):
             method=self.method.for_tangents,
             before=History(state_of(run.before.sizes), run.before.step),
             on=on,
+            decides=(t == self.t0) & ~rests,
         )
         hit = (crossing.status == Status.OK) & jnp.isfinite(crossing.t)
         end = jnp.where(hit, crossing.t, now)
         x = jnp.where(hit, crossing.y, seen.y1)
-        index = jnp.where(hit, crossing.event, -1)
-        sides = crossing.sides[: len(run.sides)]
-        sides = jnp.where(hit, 0.0, jnp.where(sides == 0, run.sides, sides))
+        n = len(run.sides)
+        index, sides, towards = crossing.event, crossing.sides[:n], crossing.towards
+        sides = jnp.where(sides == 0, run.sides, sides)
+        if self.events:
+            index, at = resting.at_switch(here, self.events, crossing, n, run.sides)
+            sides = jnp.where(rests, run.sides, jnp.where(hit, at, sides))
+            towards = jnp.where(index == crossing.event, towards, crossing.sides[index])
+        index = jnp.where(hit, index, -1)
         if y.ndim == 1:
             seen = eqx.tree_at(lambda seen: seen.status, seen, crossing.status)
-            return seen, end, x, index, crossing.towards, crossing.sizes, sides
+            return seen, end, x, index, towards, crossing.sizes, sides, rests
         found, _, sizes = march(here, y, t, end, self.ts, limits, **options)
         status = jnp.where(crossing.status == Status.OK, found.status, crossing.status)
         found = eqx.tree_at(lambda found: found.status, found, status)
         flat = found.y1.reshape(len(y), -1)
         y = jnp.concatenate([x[:, None], flat[:, 1:]], 1).reshape(y.shape)
-        return found, end, y, index, crossing.towards, sizes, run.sides
+        return found, end, y, index, towards, sizes, run.sides, rests
 
     def _begins_on(self, events: tuple, run: _Run) -> Array | bool:
         """(E + margins,) whether a piece may begin on each event, with those of its conditions.
@@ -679,11 +718,7 @@ class _Pieces(NamedTuple):
         if not hasattr(self.field, "jump"):
             return run.y, run.kinked
         branch = run.branch
-        changed = jnp.asarray(self.plan.of_time) & (branch.outcomes != run.old.outcomes)
-        _, here = self.plan.evaluate(self.system, run.t, state_of(run.y), run.old.outcomes)
-        nearest = jnp.argmin(jnp.where(changed, jnp.abs(here.margins), jnp.inf))
-        which = jnp.where(run.crossed.any(), jnp.argmax(run.crossed), nearest)
-        which = jnp.where(run.left >= 0, run.left, which)
+        which, changed = self._switched(run)
         # Rates are continuous where sliding ends, but those of tangents are not.
         left = (run.left >= 0) & ((run.left < self.plan.size) | (run.y.ndim > 2))
         jumps = run.begun & (run.crossed.any() | changed.any() | left)
@@ -700,6 +735,14 @@ class _Pieces(NamedTuple):
             after, kinked = self._across(run, which)
             kinked = run.kinked | (jumps & kinked)
         return jnp.where(jumps, after, run.y), kinked
+
+    def _switched(self, run: _Run) -> tuple[Array, Array]:
+        """Number () of the margin that ended the last piece, and (e,) conditions on time."""
+        changed = jnp.asarray(self.plan.of_time) & (run.branch.outcomes != run.old.outcomes)
+        _, here = self.plan.evaluate(self.system, run.t, state_of(run.y), run.old.outcomes)
+        nearest = jnp.argmin(jnp.where(changed, jnp.abs(here.margins), jnp.inf))
+        which = jnp.where(run.crossed.any(), jnp.argmax(run.crossed), nearest)
+        return jnp.where(run.left >= 0, run.left, which), changed
 
     def _across(self, run: _Run, which: Array) -> tuple[Array, Array]:
         """The state with tangents after all surfaces that it meets at once, one by one.

@@ -19,6 +19,7 @@ from jaxdyn import _checks, _text
 from jaxdyn._checks import check_first
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn._text import number_of
+from jaxdyn.integrate import resting
 from jaxdyn.integrate.event_search.event_values import (
     crossing_values,
     jumping_conditions,
@@ -85,8 +86,9 @@ def crossings(
 ) -> Crossings:
     """All crossings of an event by one motion: times, states and directions.
 
-    A motion that starts on the event has left it: its start is not a crossing. See `events.until`
-    for the rules, and for how the times are found to full precision.
+    A motion that starts on the event has left it: its start is not a crossing. A value that is held
+    at zero crosses it when it arrives, and again where it returns to the side from which it came.
+    See `events.until` for the rules, and for how the times are found to full precision.
 
     Args:
       scene: system, effects, start.
@@ -195,7 +197,9 @@ def _find_jvp(primals, tangents, *, method, rows):
             return flow(field, y0, t0, end, ts, limits, method=method).ys
         # As in `events.until`: at a crossing at which a condition changes as well, the motion that
         # arrives is meant, so the last part of the way to each is in the branch of that motion.
-        starts = jax.lax.stop_gradient(0.5 * (arrivals.since + ts))
+        # While it is held, one branch shows no sizes to measure errors by: the whole motion does.
+        starts = jnp.where(arrivals.ended >= 0, ts, 0.5 * (arrivals.since + ts))
+        starts = jax.lax.stop_gradient(starts)
         before = flow(field, y0, t0, starts[-1], starts, limits, method=method).ys
         return jax.vmap(functools.partial(arrive, field))(arrivals.branch, before, starts, ts)
 
@@ -214,7 +218,17 @@ def _find_jvp(primals, tangents, *, method, rows):
     def values(event, ts, ys):
         return jax.vmap(lambda *row: crossing_values((event,), *row)[0])(jumping, ts, ys)
 
-    dts = time_tangent(values, event, d_event, ts, ys, dys, rates, there)
+    leaves = jnp.zeros(rows, bool)
+    if arrivals is not None and resting.may_rest(field, len(y0)):
+        leaves = arrivals.ended >= 0
+    dts = time_tangent(values, event, d_event, ts, ys, dys, rates, there & ~leaves)
+    if arrivals is not None and resting.may_rest(field, len(y0)):
+
+        def ends(field, ts, ys):
+            return jax.vmap(functools.partial(resting.end, field))(arrivals, ts, ys)
+
+        at_ends = time_tangent(ends, field, d_field, ts, ys, dys, rates, there & leaves)
+        dts = jnp.where(leaves, at_ends, dts)
     dts = jnp.where(there, dts, 0.0)
     dys = jnp.where(there[:, None], dys + rates * dts[:, None], 0.0)
     tangents = Crossings(ts=dts, ys=dys, directions=None, count=None, status=None)
@@ -250,7 +264,7 @@ def _search(field, event, y0, t0, side, t1, limits, *, method: Method, rows: int
         return (t, y, side, status, left, arrival), row
 
     branch = first_branch(field, y0, t0, t1, limits, method=method)
-    arrival = None if branch is None else Arrival(jnp.asarray(t0), branch)
+    arrival = None if branch is None else Arrival(jnp.asarray(t0), branch, jnp.asarray(-1))
     start = t0, y0, side, jnp.asarray(int(Status.OK)), limits.max_steps[0], arrival
     (*_, status, left, _), found = jax.lax.scan(following, start, length=rows)
     ts, ys, directions, there, arrivals = found

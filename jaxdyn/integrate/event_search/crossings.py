@@ -405,8 +405,10 @@ class Crossing(NamedTuple):
       towards: () sign of its value after the crossing.
       steps: () number of steps of the search, also rejected ones.
       sizes: (k,) sizes of the motion so far, see `solvers.stepper`.
-      sides: (E,) signs of the values at the end of the span, where nothing happened; for a value
-        within rounding of zero the sign before, 0 where none is known.
+      sides: (E,) signs of the values at the end of the span; where something happened, a little
+        after it, between two samples. For a value within rounding of zero it is the sign before, 0
+        where none is known.
+      crossed: (E,) whether each event happens between these samples.
     """
 
     t: Array
@@ -417,6 +419,7 @@ class Crossing(NamedTuple):
     steps: Array
     sizes: Array
     sides: Array
+    crossed: Array
 
 
 def first_crossing(
@@ -432,6 +435,7 @@ def first_crossing(
     method: Method,
     before: History | None = None,
     on: Array | bool = True,
+    decides: Array | bool = True,
 ):
     """The motion up to where the search ended, and the first crossing; without derivatives.
 
@@ -448,9 +452,12 @@ def first_crossing(
       method: see `flow`.
       before: see `march`.
       on: (E,) whether the motion may start on each event, see `refine_roots`.
+      decides: whether the start decides on a side that is not known; (m,) or () for the m values
+        that are looked at. If not, it is the first that a value has.
     """
     sampler = EventSampler(field, events, method)
-    watch = _CrossingWatch(sampler, sides, TimeDependence.of(events, len(y0)))
+    in_time = TimeDependence.of(events, len(y0))
+    watch = _CrossingWatch(sampler, sides, in_time, decides=decides)
     out, seen, sizes = march(
         field, y0, t0, t1, ts, limits, method=method, watch=watch, before=before
     )
@@ -477,7 +484,8 @@ def first_crossing(
         towards=towards,
         steps=out.steps + out.rejected,
         sizes=sizes,
-        sides=seen.end.side,
+        sides=jnp.where(seen.bracket.found.any(), seen.bracket.towards, seen.end.side),
+        crossed=seen.bracket.found,
     )
     return out, found
 
@@ -523,6 +531,7 @@ class _CrossingWatch(Watch):
     sides: Sides
     in_time: TimeDependence | None
     direction: Array | float = 1.0
+    decides: Array | bool = True
 
     @property
     def wanted(self) -> Array:
@@ -578,6 +587,8 @@ class _CrossingWatch(Watch):
         looked_at, found, i = self.looked_at, jnp.zeros(0), 0
         if beginning is not None:
             found = beginning.sides(looked_at, h, directions(looked_at))
+            if self.decides is not True:
+                found = jnp.where(self.decides, found, 0.0)
         signs = []
         for event, side in zip(self.sampler.events, self.sides, strict=True):
             n = count(event)
