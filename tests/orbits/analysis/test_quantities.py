@@ -72,6 +72,7 @@ def test_means_and_phases_where_forces_jump():
     assert abs(phase(orbit, voltage) + np.angle(harmonic)) < 1e-11
 
 
+@pytest.mark.slow
 def test_means_and_phases_of_a_relay():
     """x' = -y, y' = sgn x in two parabolas: corners where the state crosses zero.
 
