@@ -57,6 +57,9 @@ class Answers(System):
     def singular(self):
         return "Somewhere."
 
+    def base_units(self):
+        return "km", "", "day"
+
     @property
     def second_order(self):
         return True
@@ -115,6 +118,7 @@ QUESTIONS = {
     "joints": lambda s, t, y: s.joints(t, y)[0],
     "loads": lambda s, t, y: s.loads(t, y)[0],
     "constraint_forces": lambda s, t, y: s.constraint_forces(t, y, EFFECTS),
+    "base_units": lambda s, t, y: s.base_units(),
     "accepts": lambda s, t, y: s.accepts,
     "parameter_names": lambda s, t, y: frozenset(s.parameter_names().items()),
     "singular": lambda s, t, y: s.singular,
