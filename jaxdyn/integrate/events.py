@@ -346,17 +346,8 @@ def _locate_jvp(primals, tangents, *, method, sides):
     def value(events, t, y):
         return crossing_values(events, jumping, t, y)[stop.event]
 
-    leaves = jnp.zeros((), bool)
-    if arrival is not None and resting.may_rest(field, len(y0)):
-        leaves = arrival.ended >= 0
-    dt = time_tangent(value, events, d_events, stop.t, y, dy, f, happened & ~leaves)
-    if arrival is not None and resting.may_rest(field, len(y0)):
-
-        def end(field, t, y):
-            return resting.end(field, arrival, t, y)
-
-        at_end = time_tangent(end, field, d_field, stop.t, y, dy, f, happened & leaves)
-        dt = jnp.where(leaves, at_end, dt)
+    dt_of = functools.partial(time_tangent, value, events, d_events)
+    dt = resting.time_tangent(dt_of, field, d_field, arrival, stop.t, y, dy, f, happened)
     dt = jnp.where(happened, dt, jnp.zeros_like(t0) if d_t1 is None else d_t1)
     d_stop = Stop(t=dt, y=dy + f * dt, event=None, status=None, coincident=None)
     return (stop, arrival), (d_stop, jax.tree.map(lambda _: None, arrival))

@@ -7,14 +7,18 @@ motion starts like that. Where a surface lets the motion go, the branch that fol
 of the value without any rounding, since the motion goes on behind that surface or before it.
 """
 
+import functools
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._numerics import solve_spd, value_and_jacfwd
+from jaxdyn.integrate.event_search import event_values
 from jaxdyn.integrate.event_search.event_values import count, directions, sizes, values
 from jaxdyn.integrate.event_search.event_values import sides as signs
 from jaxdyn.plan import Plan, plan_of
@@ -164,15 +168,45 @@ def held(events: tuple, which: Array, side: Array) -> tuple:
     return tuple(Resting(*part) for part in parts)
 
 
-def may_rest(field: Any, k: int) -> bool:
-    """Whether events may rest along motions of a state (k,): whether these may slide."""
-    return bool(plan_of(without_wrappers(field), k).most_surfaces)
+def time_tangent(
+    by_value: Callable[..., Array],
+    field: Any,
+    d_field: Any,
+    arrival: Any,
+    t: Array,
+    y: Array,
+    dy: Array,
+    rate: Array,
+    happened: Array,
+) -> Array:
+    """The tangent of the time of an event: by its value, or by the margin that ended its rest.
 
+    A value at rest is zero before, to all orders, so it does not determine the time.
 
-def end(field: Any, arrival: Any, t: Array, y: Array) -> Array:
-    """() the margin whose zero ended the rest of an event that happens as it does; see `Arrival`.
-
-    The value itself is zero before, to all orders, so it does not determine the time.
+    Args:
+      by_value: (t, y, dy, rate, happened) -> `event_values.time_tangent` of its value.
+      field: the field.
+      d_field: the tangent of its numbers.
+      arrival: the last part of the way to the event, a `pieces.Arrival`; several for several times.
+      t: () or (n,) the time.
+      y: the state then.
+      dy: its tangent at that time, kept fixed.
+      rate: the rate of the state.
+      happened: whether the event happened.
     """
+    if arrival is None or not plan_of(without_wrappers(field), y.shape[-1]).most_surfaces:
+        return by_value(t, y, dy, rate, happened)
+    ended = arrival.ended >= 0
+
+    def ends(field, t, y):
+        one = functools.partial(_margin_at_end, field)
+        return jax.vmap(one)(arrival, t, y) if t.ndim else one(arrival, t, y)
+
+    by_end = event_values.time_tangent(ends, field, d_field, t, y, dy, rate, happened & ended)
+    return jnp.where(ended, by_end, by_value(t, y, dy, rate, happened & ~ended))
+
+
+def _margin_at_end(field: Any, arrival: Any, t: Array, y: Array) -> Array:
+    """() the margin whose zero ended the rest of an event that happens as it does."""
     system = InBranch(without_wrappers(field), arrival.branch)
     return system.change(t, y, jnp.maximum(arrival.ended, 0), slid=True)

@@ -75,21 +75,15 @@ def differentiable(scene: Any, orbit: Any, *, hold: Hold = ()) -> Any:
       compared with differences of order 6. A branch point has a derivative with respect to numbers
       that do not break it, because of a symmetry; this is not verified, except by `design`, which
       finds it again. Chains have no derivatives of their special points.
+      `jaxdyn.continuation.differentiable` has an example of a Hopf point.
     Example:
-      >>> import equinox as eqx, jax, jaxdyn, orbits
+      >>> import equinox as eqx, orbits
       >>> from jaxdyn import scenes
       >>> swing = orbits.find(scenes.oscillator(k=4.0), [1.0, 0.0], 3.0)
       >>> def period(scene):
       ...     return orbits.differentiable(scene, swing, hold=orbits.Energy(2.0)).period
       >>> round(float(eqx.filter_grad(period)(swing.scene).system.m[0]), 9)  # T = pi sqrt(m)
       1.570796327
-      >>> def lorenz(sigma):
-      ...     return lambda rho: scenes.lorenz(sigma=sigma, rho=rho)
-      >>> family = jaxdyn.continue_equilibria(lorenz(10.0), 20.0, [7.0, 7.0, 19.0], within=(2, 30))
-      >>> hopf = family.special[0]  # at sigma (sigma + beta + 3) / (sigma - beta - 1)
-      >>> by_sigma = jax.grad(lambda s: orbits.differentiable(lorenz(s), hopf).parameter)
-      >>> round(float(by_sigma(10.0)), 9)
-      0.146814404
     """
     check_kind("orbit", orbit, (Orbit, HybridOrbit, Equilibrium, Member, SpecialOrbit))
     if isinstance(orbit, Orbit | HybridOrbit):

@@ -218,17 +218,8 @@ def _find_jvp(primals, tangents, *, method, rows):
     def values(event, ts, ys):
         return jax.vmap(lambda *row: crossing_values((event,), *row)[0])(jumping, ts, ys)
 
-    leaves = jnp.zeros(rows, bool)
-    if arrivals is not None and resting.may_rest(field, len(y0)):
-        leaves = arrivals.ended >= 0
-    dts = time_tangent(values, event, d_event, ts, ys, dys, rates, there & ~leaves)
-    if arrivals is not None and resting.may_rest(field, len(y0)):
-
-        def ends(field, ts, ys):
-            return jax.vmap(functools.partial(resting.end, field))(arrivals, ts, ys)
-
-        at_ends = time_tangent(ends, field, d_field, ts, ys, dys, rates, there & leaves)
-        dts = jnp.where(leaves, at_ends, dts)
+    dts_of = functools.partial(time_tangent, values, event, d_event)
+    dts = resting.time_tangent(dts_of, field, d_field, arrivals, ts, ys, dys, rates, there)
     dts = jnp.where(there, dts, 0.0)
     dys = jnp.where(there[:, None], dys + rates * dts[:, None], 0.0)
     tangents = Crossings(ts=dts, ys=dys, directions=None, count=None, status=None)
