@@ -111,6 +111,7 @@ def _map(
     out: Screen,
 ) -> "tuple[jaxdyn.chaos.ChaosMap, list[str]]":
     """Print a map; returns it, and its two numbers with their units."""
+    jaxdyn.scenes.catalogue.build_smooth(name, chosen, t1)
     make, labels = jaxdyn.scenes.catalogue.function_of_numbers(
         name, chosen, [one.name for one in varied]
     )

@@ -108,7 +108,8 @@ def _along(
     def find(value: float) -> "orbits.discovery.Basins":
         out.show_task(f"at {parameter} = {value:.6g}")
         path = save and save.with_stem(f"{save.stem}_{steps.index(value)}")
-        return orbits.basins(make(value), axes, t1, path=path, **options)
+        scene = jaxdyn.scenes.corners.check_one_phase(make(value))
+        return orbits.basins(scene, axes, t1, path=path, **options)
 
     return orbits.basin_fractions(find, steps)
 

@@ -77,3 +77,10 @@ def test_misuse_is_one_line(chaos, words, message):
     assert err.startswith("error: ")
     assert err.count("\n") == 1
     assert message in err
+
+
+@pytest.mark.parametrize("words", [(), ("--map", "force=0.5:1", "--map", "frequency=2:3")])
+def test_motions_through_a_stop_are_refused(chaos, words):
+    code, out, err = chaos("impact_oscillator", *words)
+    assert (code, out) == (2, "")
+    assert "leaves 'swing' at t = 3.24679" in err

@@ -195,6 +195,7 @@ def test_a_family_without_sense_is_refused_before_its_orbit_is_sought(orbits, wo
         ("find", "impact_oscillator"),
         ("section", "impact_oscillator", "--event", "x=0"),
         ("basins", "impact_oscillator", "--grid", "x=-1:0:2"),
+        ("basins", "impact_oscillator", "--grid", "x=-1:0:2", "--along", "force", "1", "2"),
         ("family", "impact_oscillator"),
     ],
 )
