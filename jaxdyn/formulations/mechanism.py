@@ -65,6 +65,10 @@ class Mechanism(Record):
         del t0, q0, t1, q1
         return None
 
+    def central(self) -> int:
+        """How many of the first coordinates are the position of the common mass centre."""
+        return 0
+
     def opened_form(self) -> "Embedding | None":
         """The same mechanism with constraints, in these coordinates and those that follow.
 
@@ -212,8 +216,7 @@ def kinematic_jacobian(mechanism: Mechanism, t: Array, q: Array) -> Array:
 
 def mass_matrix(mechanism: Mechanism, t: Array, q: Array) -> Array:
     """(n, n) matrix of the kinetic energy v^T M v / 2, for a map without explicit time."""
-    j = kinematic_jacobian(mechanism, t, q)
-    return weighted_gram(j, _weights(mechanism, j))
+    return _inertia(mechanism, kinematic_jacobian(mechanism, t, q))
 
 
 def mass_and_force(
@@ -236,8 +239,10 @@ def mass_and_force(
     # six times slower (measured; materialising the force as well loses that again).
     j = materialize(kinematic_jacobian(mechanism, t, q), runtime_one(t))
     pulled = row_sums(j, force.ravel())
-    mass = weighted_gram(j, _weights(mechanism, j))
-    return mass, pulled + on_coordinates(t, q, v, effects)
+    if mechanism.central():
+        applied = total_force(effects, t, r, velocity, m).sum(axis=0)
+        pulled = jnp.concatenate([applied, pulled[mechanism.central() :]])
+    return _inertia(mechanism, j), pulled + on_coordinates(t, q, v, effects)
 
 
 @check_first
@@ -272,6 +277,21 @@ def weighted_gram(j: Array, weights: Array) -> Array:
     would prevent folding of the stepping loop.
     """
     return jnp.sum(j[:, None, :] * (weights[None, :] * j)[None, :, :], axis=-1)
+
+
+def _inertia(mechanism: Mechanism, j: Array) -> Array:
+    """(n, n) the mass matrix for velocities J (n, p d) of the points.
+
+    Of a mass centre among the coordinates, products with the others vanish. Left to rounding, they
+    would move a mass centre at rest by 1e-17, and the sizes of a motion are measured at its start.
+    """
+    mass = weighted_gram(j, _weights(mechanism, j))
+    d = mechanism.central()
+    if not d:
+        return mass
+    off = jnp.zeros((d, len(j) - d))
+    total = mechanism.masses().sum() * jnp.eye(d)
+    return jnp.block([[total, off], [off.T, mass[d:, d:]]])
 
 
 def _weights(mechanism: Mechanism, j: Array) -> Array:

@@ -79,6 +79,9 @@ class EulerBody(Mechanism):
     def masses(self):
         return self.matter.m
 
+    def central(self):
+        return 0 if self.pivoted else 3
+
     def positions(self, t, q):
         del t
         r, angles = self._parts(q)

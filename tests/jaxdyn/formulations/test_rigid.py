@@ -66,6 +66,17 @@ def test_four_ways_give_one_motion(scenes):
     assert gap(rate.R_wb, np.cross(place.omega_w, place.R_wb.T).T) < SOLVED
 
 
+def test_a_mass_centre_at_rest_is_not_moved_by_rounding_in_euler_angles():
+    body = EulerBody(MATTER)
+    for angles in np.random.default_rng(0).uniform(0.3, 2.8, (20, 3)):
+        start = Pose(jnp.zeros(3), matrix_from_euler(angles, "ZXZ"), jnp.zeros(3), POSE.omega_b)
+        spun = Scene(NewtonEuler(body), (), y0=body.state(start))
+        fallen = Scene(spun.system, (UniformGravity(9.81),), y0=spun.y0)
+        assert gap(spun.rate(0.0, spun.y0)[6:9], np.zeros(3)) == 0
+        assert gap(fallen.rate(0.0, spun.y0)[6:9], [0.0, 0.0, -9.81]) < EXACT * 10
+        assert gap(fallen.rate(0.0, spun.y0)[9:], spun.rate(0.0, spun.y0)[9:]) < SOLVED
+
+
 @pytest.mark.parametrize("scene", [FREE[0], FREE[1], PIVOTED[0], PIVOTED[1]])
 def test_momentum_changes_by_the_forces_of_the_effects(scene):
     y = scene.y0
