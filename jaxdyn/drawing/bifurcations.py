@@ -29,6 +29,8 @@ _SHAPES = "^Do*XsvPpd<>"
 _SUBCRITICAL = (0, (4, 2))
 #: Distance of a special point from a line, in lengths of it, up to which it is between its ends.
 _BESIDE = 0.5
+#: Change of a coordinate along a line, relative to the largest of all, that is due to rounding.
+_ROUNDING = 1e-13
 #: Number of straight pieces drawn between two computed points.
 _PIECES = 12
 
@@ -135,7 +137,7 @@ def stretches(
     points: Sequence,
     special: Sequence,
     verdict: Callable[[Any], str],
-    place: Callable[[Any], np.ndarray],
+    place: Callable[[Any], Any],
 ) -> list[tuple[str, list, bool]]:
     """Runs of points of one verdict, through special points, and whether legends name them.
 
@@ -144,7 +146,8 @@ def stretches(
     that nobody sees.
     """
     pieces = []
-    between = _between(np.array([place(x) for x in points]), special, place)
+    at = in_extents(points, place)
+    between = _between(np.array([at(x) for x in points]), special, at)
     for (one, two), cuts in zip(itertools.pairwise(points), between, strict=True):
         first, last = verdict(one), verdict(two)
         if first == last:
@@ -223,6 +226,18 @@ def _through(lines: list[np.ndarray]) -> list[np.ndarray]:
     return found
 
 
+def in_extents(points: Sequence, place: Callable[[Any], Any]) -> Callable[[Any], np.ndarray]:
+    """The places of points in units of their extents along a line, one for each coordinate.
+
+    Coordinates may differ in size by orders of magnitude, as a displacement in m and a frequency in
+    rad/s do. One that changes by rounding alone keeps its unit.
+    """
+    at = np.array([place(x) for x in points], float)
+    extent = np.ptp(at, axis=0)
+    scale = np.where(extent > _ROUNDING * np.abs(at).max(), extent, 1.0)
+    return lambda x: np.asarray(place(x), float) / scale
+
+
 def _between(at: np.ndarray, special: Sequence, place: Callable) -> list[list]:
     """The special points between each two neighbours of points at (n, k), in order.
 
@@ -233,9 +248,8 @@ def _between(at: np.ndarray, special: Sequence, place: Callable) -> list[list]:
     squares = np.maximum(np.sum(along**2, 1), np.finfo(float).tiny)
     for x in special:
         off = place(x) - at[:-1]
-        share = np.sum(off * along, 1) / squares
+        share = np.clip(np.sum(off * along, 1) / squares, 0.0, 1.0)  # beside a bend it is neither
         apart = np.linalg.norm(off - share[:, None] * along, axis=1) / np.sqrt(squares)
-        apart = np.where((share >= 0) & (share <= 1), apart, np.inf)
         nearest = int(np.argmin(apart)) if len(apart) else 0
         if len(apart) and apart[nearest] < _BESIDE:
             found[nearest].append((share[nearest], x))
@@ -244,10 +258,8 @@ def _between(at: np.ndarray, special: Sequence, place: Callable) -> list[list]:
 
 def _with_special(curve) -> list:
     """The points of a curve with its special points in their places."""
-    at = np.array([x.parameters for x in curve.points])
-    extent = np.ptp(at, axis=0)
-    scale = np.where(extent > 0, extent, 1.0)
-    between = _between(at / scale, curve.special, lambda x: np.asarray(x.parameters) / scale)
+    at = in_extents(curve.points, lambda x: x.parameters)
+    between = _between(np.array([at(x) for x in curve.points]), curve.special, at)
     first = [x for one, cuts in zip(curve.points, between, strict=False) for x in (one, *cuts)]
     return [*first, *curve.points[len(between) :]]
 
@@ -263,7 +275,12 @@ def _criticality(one, two) -> str:
 def draw_equilibria(ax, families: Sequence[EquilibriumFamily], index: int, of: str = "") -> None:
     """Draw the `stretches` of families of equilibria; `of` begins their names in the legend."""
     for family in families:
-        found = stretches(family.members, family.special, lambda x: x.verdict, lambda x: x.x)
+        found = stretches(
+            family.members,
+            family.special,
+            lambda x: x.verdict,
+            lambda x: np.append(x.x, x.parameter),
+        )
 
         def place(x) -> tuple[float, float]:
             return x.parameter, x.state[index]

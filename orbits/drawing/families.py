@@ -74,15 +74,12 @@ def family(
         return across, float(of_orbit(entry.orbit))
 
     places = {id(entry): place(entry) for entry in (*listed.members, *listed.special)}
-    extent = np.ptp(list(places.values()), axis=0)
-    scale = np.where(extent > 0, extent, 1.0)
-    found = stretches(
-        listed.members,
-        listed.special,
-        lambda entry: entry.verdict,
-        lambda entry: np.array(places[id(entry)]) / scale,
-    )
-    draw_stretches(ax, found, lambda x: places[id(x)], "{}", color=PALETTE[0], lw=1.8)
+
+    def placed(entry: Entry) -> tuple[float, float]:
+        return places[id(entry)]
+
+    found = stretches(listed.members, listed.special, lambda entry: entry.verdict, placed)
+    draw_stretches(ax, found, placed, "{}", color=PALETTE[0], lw=1.8)
     passed = [places[id(entry)] for entry in listed.members]
     ax.plot(*zip(*passed, strict=True), ".", color=PALETTE[0], ms=4, label="_")
     ax.plot(*passed[0], "o", color=INK, ms=6, zorder=3, label="first")

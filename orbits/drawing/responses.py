@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from jaxdyn import Scene, _text
 from jaxdyn._checks import check_first, choice, fail
-from jaxdyn.drawing.bifurcations import draw_stretches, smooth
+from jaxdyn.drawing.bifurcations import draw_stretches, in_extents, smooth
 from jaxdyn.drawing.figures import (
     INK,
     PALETTE,
@@ -158,12 +158,13 @@ def _places(curve: Family, of: Callable[[Member], float]) -> dict[int, tuple[flo
 
 def _unwrap(curve: Family, places: dict[int, tuple[float, float]]) -> dict:
     """The same positions, with angles that do not jump along the curve."""
+    at = in_extents(curve.members, lambda m: m.point.place)
     angles = np.unwrap([places[id(m)][1] for m in curve.members])
     if angles.mean() < 0:
         angles = angles + 2 * np.pi
     found = {id(m): (m.parameter, x) for m, x in zip(curve.members, angles, strict=True)}
     for m in curve.special:
-        near = min(curve.members, key=lambda x, m=m: np.linalg.norm(x.point.place - m.point.place))
+        near = min(curve.members, key=lambda x, m=m: np.linalg.norm(at(x) - at(m)))
         angle = places[id(m)][1]
         turns = round((found[id(near)][1] - angle) / (2 * np.pi))
         found[id(m)] = m.parameter, angle + 2 * np.pi * turns

@@ -1,8 +1,12 @@
 """Where the lines of a diagram are cut, and which of them a legend names."""
 
-import numpy as np
+from types import SimpleNamespace
 
-from jaxdyn.drawing.bifurcations import stretches
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from jaxdyn.drawing.bifurcations import draw_equilibria, stretches
 
 #: Places on a line and verdicts.
 POINTS = [(0.0, "stable"), (1.0, "stable"), (2.0, "unstable"), (3.0, "unstable")]
@@ -45,3 +49,33 @@ def test_a_special_point_is_on_the_nearest_line_only():
     special = ((1.0, 0.6), "undecided")
     found = stretches(points, [special], lambda x: x[1], lambda x: np.array(x[0]))
     assert found == [("stable", [points[0], special, *points[1:]], True)]
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-5, 1e5])
+def test_the_order_along_a_line_does_not_depend_on_units(unit):
+    # A curve x^3 - 3 x = p bends back at x = -1 and 1; p is in another unit than x.
+    def point(x, verdict):
+        return (x, unit * (x**3 - 3 * x)), verdict
+
+    stable, unstable = np.linspace(-2.05, -1.05, 9), np.linspace(-0.95, 0.95, 9)
+    left, right = point(-1.0, "undecided"), point(1.0, "undecided")
+    first = [point(x, "stable") for x in stable]
+    middle = [point(x, "unstable") for x in unstable]
+    last = [point(-x, "stable") for x in reversed(stable)]
+    found = stretches([*first, *middle, *last], [left, right], lambda x: x[1], lambda x: x[0])
+    wanted = [[*first, left], [left, *middle, right], [right, *last]]
+    assert [points for _, points, _ in found] == wanted
+
+
+def test_a_branch_that_stays_at_rest_is_cut_where_its_parameter_says():
+    def point(parameter, verdict=""):
+        rest = np.zeros(1)
+        return SimpleNamespace(x=rest, state=rest, parameter=parameter, verdict=verdict)
+
+    before, after = [-3.0, -2.0, -1.0], [0.5, 1.5, 2.5]
+    members = [point(p, "stable") for p in before] + [point(p, "unstable") for p in after]
+    axes = Figure().subplots()
+    draw_equilibria(axes, [SimpleNamespace(members=members, special=[point(0.0)])], 0)
+    lines = {line.get_label(): line.get_xdata() for line in axes.lines}
+    assert lines["stable"][[0, -1]] == pytest.approx([-3.0, 0.0], abs=1e-12)
+    assert lines["unstable"][[0, -1]] == pytest.approx([0.0, 2.5], abs=1e-12)
