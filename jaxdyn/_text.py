@@ -335,12 +335,12 @@ def _field(kind: type, name: str, x: Any) -> str:
     return ", ".join(f"{n} {code(one).name}" for one, n in counts)
 
 
-def shorten(rows: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
-    """The rows of a table; of many rows the first and the last, and the number between them."""
-    between = len(rows) - _MOST_ROWS
+def shorten(rows: Sequence[tuple[str, str]], most: int = _MOST_ROWS) -> list[tuple[str, str]]:
+    """The rows of a table; of more than `most` the first and the last, and the number between."""
+    between = len(rows) - most
     if between <= 0:
         return list(rows)
-    half = _MOST_ROWS // 2
+    half = most // 2
     return [*rows[:half], ("...", f"{between} more"), *rows[-half:]]
 
 

@@ -7,7 +7,7 @@ import typer
 from rich.markup import escape
 
 import jaxdyn
-from jaxdyn._text import brief, choice, fail, number_of, second, whole
+from jaxdyn._text import brief, choice, fail, number_of, second, shorten, whole
 from jaxdyn.cli import completion
 from jaxdyn.cli.docstrings import scene_settings, solver_names
 from jaxdyn.cli.messages import in_options
@@ -38,6 +38,7 @@ from jaxdyn.files.output_files import archive_path, table_path
 _ADVISED = ("--solver", "--rtol")
 STOPPED = 1  # exit code: the motion did not reach its end
 _MOST_SAMPLES = 1_000_000  # each becomes text
+_MOST_PHASES = 24  # printed; the file of --json has all of them
 _RTOL = 1e-10  # that of jaxdyn.simulate, which help does not load
 
 
@@ -183,9 +184,12 @@ def _print(record: dict, end: "jaxdyn.accuracy.EndError", time: str, out: Screen
     for label, shown in zip(record["labels"], end.written(), strict=True):
         out.print(f"  {escape(label):24} {shown}")
     out.print(end.message)
-    for phase in record["phases"]:
-        ends = f"from {phase['t0']:.9g} to {brief(phase['t1'], time, digits=9)}"
-        out.print(f"  {phase['name']:12} {escape(ends)}")
+    phases = [
+        (phase["name"], f"from {phase['t0']:.9g} to {brief(phase['t1'], time, digits=9)}")
+        for phase in record["phases"]
+    ]
+    for name, ends in shorten(phases, _MOST_PHASES):
+        out.print(f"  {name:12} {escape(ends)}")
     if record["energy_message"]:
         out.print(escape(record["energy_message"]))
     out.print(f"{number_of(record['steps'], 'step')}, {record['rejected']} rejected")

@@ -3,13 +3,19 @@
 The phase of the drive is an entry of the state, an angle. The scenes are therefore autonomous, and
 a motion that repeats itself in step with the drive is a closed orbit.
 
+A body that meets its wall ever slower does so infinitely often in a finite time. It then rests on
+the wall, and leaves it when the wall would have to pull.
+
 References: Holmes (1982), J. Sound Vib. 84, 173; Shaw and Holmes (1983), J. Sound Vib. 90, 129;
 Nordmark (1991), J. Sound Vib. 145, 279.
 """
 
+import abc
+import dataclasses
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -23,6 +29,123 @@ from jaxdyn.scenes.ready_made import ready_made
 from jaxdyn.sketch import Shape, rectangle
 from jaxdyn.system import Points
 
+#: Speed after an impact, relative to the largest speeds known at the start, below which a body
+#: comes to rest. The bounces that are left out are 1e-16 as high as the largest.
+_LEAST_BOUNCE = 1e-8
+
+
+# ---- A body and its wall
+
+
+class WalledBody(System):
+    """A body on one side of a wall, or at rest on it: state [x, v, phase].
+
+    Attributes:
+      restitution: speed relative to the wall after an impact over that before [1].
+      frequency: rate of the phase [rad/s].
+      rests: whether the body rests on the wall, and moves with it.
+    """
+
+    restitution: Array = eqx.field(converter=as_float)
+    frequency: Array = eqx.field(converter=as_float)
+    rests: bool = eqx.field(static=True, default=False, kw_only=True)
+    called: ClassVar[str]
+    #: 1 where x is larger on the body's side of the wall, -1 where it is smaller.
+    side: ClassVar[int]
+
+    @abc.abstractmethod
+    def wall(self, phase: Array) -> tuple[Array, Array]:
+        """() place [m] and () velocity [m/s] of the wall."""
+
+    @abc.abstractmethod
+    def push(self, phase: Array) -> Array:
+        """() acceleration [m/s^2] by the wall, away from it, of a body that rests on it."""
+
+    @abc.abstractmethod
+    def largest_speed(self, y: Array) -> Array:
+        """() an estimate of the largest speed relative to the wall [m/s] of a motion from y."""
+
+    def rate_on_wall(self, y: Array) -> Array:
+        """(3,) the rate of a state at rest on the wall."""
+        moves = (y[2],), (self.frequency,)
+        speed, acceleration = jax.jvp(lambda phase: self.wall(phase)[1], *moves)
+        return jnp.stack([speed, acceleration, self.frequency])
+
+    def project(self, t, y):
+        del t
+        return jnp.stack([*self.wall(y[2]), y[2]]) if self.rests else y
+
+    def bounds(self, t, y, effects):
+        del t, effects
+        if self.rests:
+            return {f"the lift-off from {self.called}": self.push(y[2])}
+        return {self.called: self.side * (y[0] - self.wall(y[2])[0])}
+
+
+class Impact(Event):
+    """A body meets its wall."""
+
+    body: WalledBody
+
+    def value(self, t, y):
+        del t
+        return self.body.side * (y[0] - self.body.wall(y[2])[0])
+
+    @property
+    def direction(self):
+        return -1
+
+
+class LiftOff(Event):
+    """A wall would have to pull a body that rests on it."""
+
+    body: WalledBody
+
+    def value(self, t, y):
+        del t
+        return self.body.push(y[2])
+
+    @property
+    def direction(self):
+        return -1
+
+
+class AfterImpact(eqx.Module):
+    """The state of a body after its impact on the wall.
+
+    Attributes:
+      body: the body.
+      least: speed relative to the wall [m/s] below which the body comes to rest.
+    """
+
+    body: WalledBody
+    least: Array
+
+    def __call__(self, t: Array, y: Array) -> Array:
+        """(3,) state after the impact."""
+        del t
+        x, v, phase = y
+        place, speed = self.body.wall(phase)
+        bounce = self.body.restitution * (speed - v)
+        rests = (jnp.abs(bounce) <= self.least) & (self.body.push(phase) > 0)
+        bounce = jnp.where(rests, 0.0, bounce)
+        return jnp.stack([jnp.where(rests, place, x), speed + bounce, phase])
+
+
+def _phases(scene: Scene, impact: type[Impact], moving: str) -> dict[str, Phase]:
+    """The phases of a body: at rest on its wall, and `moving` until it meets the wall.
+
+    A start on the wall, with the velocity of the wall, is one at rest.
+    """
+    body = scene.system
+    at_rest = dataclasses.replace(scene, system=dataclasses.replace(body, rests=True))
+    least = _LEAST_BOUNCE * body.largest_speed(scene.y0)
+    meets = Exit(impact(body), ("rest", moving), AfterImpact(body, least))
+    return {
+        "rest": Phase(at_rest, (Exit(LiftOff(body), moving),)),
+        moving: Phase(scene, (meets,)),
+    }
+
 
 def _check_restitution(value) -> None:
     if not 0 <= float(value) <= 1:
@@ -33,26 +156,26 @@ def _check_restitution(value) -> None:
 # ---- A ball on a table
 
 
-class BallOnTable(System):
-    """A ball that falls freely above a table at the height A sin(phase).
+class BallOnTable(WalledBody):
+    """A ball that falls freely above a table at the height A sin(phase), or lies on it.
 
     Attributes:
-      restitution: speed relative to the table after an impact over that before [1].
       amplitude: amplitude A of the table [m].
-      frequency: frequency of the table [rad/s].
       g: gravity [m/s^2].
     """
 
-    restitution: Array = eqx.field(converter=as_float)
     amplitude: Array = eqx.field(converter=as_float)
-    frequency: Array = eqx.field(converter=as_float)
     g: Array = eqx.field(converter=as_float)
+    called: ClassVar[str] = "the table"
+    side: ClassVar[int] = 1
 
     def labels(self):
         return ("y", "m"), ("vy", "m/s"), ("phase", "rad")
 
     def rate(self, t, y, effects):
         del t, effects
+        if self.rests:
+            return self.rate_on_wall(y)
         return jnp.stack([y[1], -self.g, self.frequency])
 
     def bodies(self, t, y):
@@ -60,12 +183,22 @@ class BallOnTable(System):
 
     def loads(self, t, y):
         r, _, m = self.points(t, y)
-        return (Load("weight", 0, jnp.stack([0.0 * self.g, -self.g]) * m, r[0]),)
+        accelerations = {"weight": -self.g} | ({"table": self.push(y[2])} if self.rests else {})
+        return tuple(
+            Load(name, 0, jnp.stack([0.0 * self.g, a]) * m, r[0])
+            for name, a in accelerations.items()
+        )
 
-    def table(self, phase: Array) -> tuple[Array, Array]:
-        """() height [m] and () velocity [m/s] of the table."""
+    def wall(self, phase):
         height = self.amplitude * jnp.sin(phase)
         return height, self.amplitude * self.frequency * jnp.cos(phase)
+
+    def push(self, phase):
+        return self.g - self.amplitude * self.frequency**2 * jnp.sin(phase)
+
+    def largest_speed(self, y):
+        fall = jnp.sqrt(y[1] ** 2 + 2 * jnp.abs(self.g * (y[0] - self.wall(y[2])[0])))
+        return fall + jnp.abs(self.amplitude * self.frequency)
 
     def points(self, t, y):
         del t  # energies are per mass
@@ -78,44 +211,19 @@ class BallOnTable(System):
 
     def sketch(self, t, y):
         del t
-        half, height = self.amplitude, self.table(y[2])[0]
+        half, height = self.amplitude, self.wall(y[2])[0]
         ends = jnp.stack([jnp.stack([-half, height]), jnp.stack([half, height])])
         return (Shape("line", ends),)
-
-    def bounds(self, t, y, effects):
-        del t, effects
-        return {"the table": y[0] - self.table(y[2])[0]}
 
     def check(self, t, y):
         del t, y
         _check_restitution(self.restitution)
 
 
-class MeetsTable(Event):
+class MeetsTable(Impact):
     """A ball comes down to the table."""
 
-    ball: BallOnTable
     called: ClassVar[str] = "impact on the table"
-
-    def value(self, t, y):
-        del t
-        return y[0] - self.ball.table(y[2])[0]
-
-    @property
-    def direction(self):
-        return -1
-
-
-class OffTable(eqx.Module):
-    """The state of a ball after its impact on the table."""
-
-    ball: BallOnTable
-
-    def __call__(self, t: Array, y: Array) -> Array:
-        """(3,) state after the impact."""
-        del t
-        speed = self.ball.table(y[2])[1]
-        return jnp.stack([y[0], speed - self.ball.restitution * (y[1] - speed), y[2]])
 
 
 @ready_made()
@@ -132,7 +240,8 @@ def ball_on_table(
     """A ball that bounces on a table which goes up and down, starting on the table.
 
     Its rate is that of a flight, also below the table: `phases_of` has its motion from bounce to
-    bounce, for `jaxdyn.integrate.phases.simulate_phases`. A ball that bounces once in n periods T
+    bounce, for `jaxdyn.integrate.phases.simulate_phases`. With ``amplitude=0`` it is a floor.
+    Bounces that get ever lower end at rest on the table. A ball that bounces once in n periods T
     of the table meets it at a phase at which the table rises at the speed
     g n T / 2 (1 - e) / (1 + e). Holmes (1982), J. Sound Vib. 84, 173.
 
@@ -145,16 +254,15 @@ def ball_on_table(
       velocity: velocity of the ball at the start, upwards [m/s].
       t1: span [s].
     """
-    ball = BallOnTable(restitution, amplitude, frequency, g)
+    ball = BallOnTable(restitution, frequency, amplitude, g)
     phase, velocity = floats(phase, velocity)
-    return Scene(ball, y0=jnp.stack([ball.table(phase)[0], velocity, phase]), t1=t1)
+    return Scene(ball, y0=jnp.stack([ball.wall(phase)[0], velocity, phase]), t1=t1)
 
 
 @check_first
 def flight_phases(scene: Scene) -> dict[str, Phase]:
-    """The flight of a `ball_on_table` as a phase, which an impact on the table ends."""
-    ball = scene.system
-    return {"fly": Phase(scene, (Exit(MeetsTable(ball), "fly", OffTable(ball)),))}
+    """The phases of a `ball_on_table`: it lies on the table, or flies until it meets the table."""
+    return _phases(scene, MeetsTable, "fly")
 
 
 # ---- An oscillator with a stop
@@ -165,7 +273,7 @@ def _level(x: Array) -> Array:
     return jnp.stack([x, jnp.zeros_like(x)])
 
 
-class ImpactOscillator(System):
+class ImpactOscillator(WalledBody):
     """A mass on a spring with a damper and a force F cos(phase), to the left of a stop.
 
     Attributes:
@@ -173,24 +281,24 @@ class ImpactOscillator(System):
       c: coefficient of the damper [kg/s].
       k: stiffness of the spring [N/m].
       force: amplitude F of the force [N].
-      frequency: frequency of the force [rad/s].
       stop: x of the stop [m]; the spring is relaxed at 0.
-      restitution: speed after an impact over that before [1].
     """
 
     m: Array = eqx.field(converter=as_float)
     c: Array = eqx.field(converter=as_float)
     k: Array = eqx.field(converter=as_float)
     force: Array = eqx.field(converter=as_float)
-    frequency: Array = eqx.field(converter=as_float)
     stop: Array = eqx.field(converter=as_float)
-    restitution: Array = eqx.field(converter=as_float)
+    called: ClassVar[str] = "the stop"
+    side: ClassVar[int] = -1
 
     def labels(self):
         return ("x", "m"), ("vx", "m/s"), ("phase", "rad")
 
     def rate(self, t, y, effects):
         del t, effects
+        if self.rests:
+            return self.rate_on_wall(y)
         x, v, phase = y
         pull = self.force * jnp.cos(phase) - self.k * x - self.c * v
         return jnp.stack([v, pull / self.m, self.frequency])
@@ -207,7 +315,22 @@ class ImpactOscillator(System):
             "damper": -self.c * v,
             "drive": self.force * jnp.cos(phase),
         }
+        if self.rests:
+            forces["stop"] = -self.m * self.push(phase)
         return tuple(Load(name, 0, _level(force), _level(x)) for name, force in forces.items())
+
+    def wall(self, phase):
+        return self.stop, jnp.zeros_like(phase)
+
+    def push(self, phase):
+        return (self.force * jnp.cos(phase) - self.k * self.stop) / self.m
+
+    def largest_speed(self, y):
+        x, v, _ = y
+        work = self.k * (x**2 + self.stop**2) / 2 + jnp.abs(self.force * (x - self.stop))
+        w = jnp.abs(self.frequency)
+        w = jnp.where(w > 0, w, jnp.inf)
+        return jnp.sqrt(v**2 + 2 * work / self.m) + jnp.abs(self.force) / (self.m * w)
 
     def points(self, t, y):
         del t
@@ -241,40 +364,16 @@ class ImpactOscillator(System):
             rectangle("area", (wide, high), _level(y[0] - 0.5 * wide)),
         )
 
-    def bounds(self, t, y, effects):
-        del t, effects
-        return {"the stop": self.stop - y[0]}
-
     def check(self, t, y):
         del t, y
         _checks.positive("m", self.m)
         _check_restitution(self.restitution)
 
 
-class MeetsStop(Event):
+class MeetsStop(Impact):
     """An oscillator reaches its stop."""
 
-    oscillator: ImpactOscillator
     called: ClassVar[str] = "impact on the stop"
-
-    def value(self, t, y):
-        del t
-        return y[0] - self.oscillator.stop
-
-    @property
-    def direction(self):
-        return 1
-
-
-class AfterImpact(eqx.Module):
-    """The state of an oscillator after its impact on the stop."""
-
-    oscillator: ImpactOscillator
-
-    def __call__(self, t: Array, y: Array) -> Array:
-        """(3,) state after the impact."""
-        del t
-        return jnp.stack([y[0], -self.oscillator.restitution * y[1], y[2]])
 
 
 @ready_made()
@@ -312,13 +411,11 @@ def impact_oscillator(
       phase: phase of the force at the start [rad].
       t1: span [s].
     """
-    oscillator = ImpactOscillator(m, c, k, force, frequency, stop, restitution)
+    oscillator = ImpactOscillator(restitution, frequency, m, c, k, force, stop)
     return Scene(oscillator, y0=jnp.stack(floats(x, velocity, phase)), t1=t1)
 
 
 @check_first
 def impact_phases(scene: Scene) -> dict[str, Phase]:
-    """The motion of an `impact_oscillator` as a phase, which an impact on its stop ends."""
-    oscillator = scene.system
-    hits = Exit(MeetsStop(oscillator), "swing", AfterImpact(oscillator))
-    return {"swing": Phase(scene, (hits,))}
+    """The phases of an `impact_oscillator`: it swings until it meets its stop, or rests on it."""
+    return _phases(scene, MeetsStop, "swing")

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from helpers import SOLVED
+from scipy.optimize import brentq
 
 import jaxdyn
 from jaxdyn import scenes, simulate
@@ -12,6 +13,7 @@ from jaxdyn.analysis import energy
 from jaxdyn.integrate import phases
 from jaxdyn.integrate.events import Reaches
 from jaxdyn.scenes.corners import check_one_phase
+from jaxdyn.status import Status
 
 
 def _motion(scene, t1, **options):
@@ -32,11 +34,47 @@ def test_a_ball_bounces_once_in_a_period_of_the_table():
 
 
 def test_a_ball_on_a_table_at_rest_comes_to_rest():
-    scene = scenes.ball_on_table(amplitude=0.0, restitution=0.5, velocity=1.0)
-    motion = _motion(scene, 5.0, samples=2, max_phases=8)
-    spans = np.diff([0.0, *motion.times])
-    np.testing.assert_allclose(spans[1:] / spans[:-1], 0.5, rtol=1e-9)
-    assert abs(spans[0] - 2 / 9.81) < SOLVED
+    e, g, height = 0.5, 9.81, 1.0
+    scene = scenes.ball_on_table(amplitude=0.0, restitution=e).starting([height, 0.0, 0.0])
+    motion = _motion(scene, 5.0, samples=2)
+    fall = math.sqrt(2 * height / g)
+    exact = fall * (1 + 2 * e * (1 - e ** np.arange(20)) / (1 - e))
+    np.testing.assert_allclose(motion.times[:20], exact, rtol=1e-12)
+    assert motion.names == ("fly",) * 27 + ("rest",)
+    start = float(motion.pieces[-1].ts[0])
+    assert abs(start - fall * (1 + e) / (1 - e)) < 1e-7
+    assert (motion.status, motion.t) == (Status.OK, 5.0)
+    assert np.abs(motion.y[:2]).max() == 0
+
+
+def test_a_ball_at_rest_leaves_a_table_that_falls_faster():
+    a, w, g = 0.02, 30.0, 9.81
+    scene = scenes.ball_on_table(restitution=0.0, amplitude=a, frequency=w, phase=0.1, velocity=0.1)
+    motion = _motion(scene, 0.3, samples=2)
+    assert motion.names[:3] == ("rest", "fly", "rest")
+    lift, lands = motion.pieces[1].ts[np.array([0, -1])]
+    leaves = math.asin(g / (a * w**2))
+    assert abs(0.1 + w * lift - leaves) < SOLVED
+    y, v = a * math.sin(leaves), a * w * math.cos(leaves)
+
+    def above(t):
+        return y + v * t - g * t**2 / 2 - a * math.sin(leaves + w * t)
+
+    assert abs(lands - lift - brentq(above, 0.05, 0.2, xtol=1e-15)) < SOLVED
+
+
+@pytest.mark.slow
+def test_an_oscillator_rests_on_its_stop_while_it_is_pushed_there():
+    # The force is F cos(phase): it pulls from phase pi / 2 on.
+    w = 0.2
+    scene = scenes.impact_oscillator(k=0.0, c=0.0, restitution=0.3, frequency=w, stop=0.1)
+    motion = _motion(scene, 10.0, samples=2)
+    i = motion.names.index("rest")
+    assert motion.names[i:] == ("rest", "swing")
+    assert abs(float(motion.pieces[i].ts[-1]) - math.pi / 2 / w) < SOLVED
+    after = float(motion.t) - math.pi / 2 / w
+    moved = (math.sin(w * after) / w - after) / w  # twice the integral of -sin(w t)
+    assert abs(float(motion.y[0]) - 0.1 - moved) < SOLVED * abs(moved)
 
 
 def test_an_oscillator_with_a_stop_out_of_reach_is_a_linear_one():
