@@ -52,6 +52,10 @@ class Field(NamedTuple):
         """The vector field dy/dt."""
         return self.system.rate(t, y, self.effects)
 
+    def energies(self, t: Array, y: Float[Array, " k"]) -> tuple[Array, ...]:
+        """The terms () whose sum is the energy; () without one; see `System.energies`."""
+        return self.system.energies(t, y, self.effects)
+
     @property
     def groups(self) -> Groups:
         """Which entries of the state share a size."""

@@ -2,7 +2,7 @@
 
 Near an equilibrium y = y* + x the motion is dx/dt = A x, with A the Jacobian of the vector field.
 Eigenvalues are computed numbers, so each gets an error bar, and a real part within its bar of 0
-decides nothing: the verdict is then "undecided".
+decides nothing: the verdict is then "undecided", unless the energy decides (`energy_extremum`).
 """
 
 import dataclasses
@@ -24,6 +24,7 @@ from jaxdyn.analysis.eigenvalues import (
     rate_verdict,
     with_bars,
 )
+from jaxdyn.analysis.energy_extremum import is_extremum_of_energy
 from jaxdyn.analysis.scales_at_rest import at_rest
 from jaxdyn.plan import plan_of
 from jaxdyn.scales import groups
@@ -52,15 +53,16 @@ class Linearization:
       jacobian: (k, k) the matrix.
       eigenvalues: (k,) complex, largest real part first [1/s].
       bars: (k,) error bar of each, from rounding of the matrix.
-      verdict: "stable" (all real parts certainly negative: perturbations decay), "unstable"
-        (one certainly positive), or "undecided".
+      verdict: "stable" (all real parts certainly negative: perturbations decay; or a centre at
+        which a conserved energy has a minimum: they stay small), "unstable" (a real part certainly
+        positive), or "undecided".
       portrait: "node", "spiral", "saddle" or "centre"; "mixed" for a combination of these,
         "degenerate" where an eigenvalue may be 0.
 
     Example:
       >>> from jaxdyn import linearize, scenes
       >>> print(linearize(scenes.pendulum(g=4.0), jnp.zeros(2)))
-      Linearization: undecided, centre
+      Linearization: stable, centre
         eigenvalues  0-2j (+-5e-15), 0+2j (+-5e-15)
     """
 
@@ -90,8 +92,8 @@ def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
       ValueError: `y` or `t` is not finite or has a wrong shape, or the rate has no derivative.
     Limits: at a state at which a condition of the rate changes, as where a spring becomes stiffer,
       the bars contain the eigenvalues on all sides; they are infinite where the rate jumps, as dry
-      friction at rest. A centre of a conservative scene is "undecided": linearisation cannot
-      decide. An equilibrium that is a minimum of the potential energy is stable nevertheless.
+      friction at rest. A centre is "undecided" where no energy is conserved and has a strict
+      minimum or maximum there, as at the libration points L4 and L5.
     Example:
       >>> from jaxdyn.scenes.springs import oscillator
       >>> linearize(oscillator(c=0.1), [0.0, 0.0]).portrait
@@ -109,8 +111,14 @@ def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
 
 def linearize_near(field: Field, y: Array, t, sizes: np.ndarray) -> Linearization:
     """The result of `linearize` for a state (k,) that is off by a rounding of sizes (k,)."""
-    others = _beyond_conditions(field, jnp.asarray(t, float), jnp.asarray(y), jnp.asarray(sizes))
-    return classify(np.asarray(jacobian(field, y, t)), others=others)
+    t, y = jnp.asarray(t, float), jnp.asarray(y)
+    others = _beyond_conditions(field, t, y, jnp.asarray(sizes))
+    found = classify(np.asarray(jacobian(field, y, t)), others=others)
+    if found.verdict != "undecided" or found.portrait != "centre":
+        return found
+    near = at_rest(field, groups(field.system), np.asarray(y), float(t))
+    held = is_extremum_of_energy(field, t, y, near.sizes, near.time)
+    return dataclasses.replace(found, verdict="stable") if held else found
 
 
 def _beyond_conditions(field: Field, t: Array, y: Array, sizes: Array) -> np.ndarray:

@@ -41,6 +41,7 @@ _INTERRUPTED = "an interruption"
 CLOSED = "the first one again: it is closed"
 _EASY = 4  # with at most this many Newton steps the next step may be longer
 _GROW, _SHRINK = 1.5, 0.5
+_CAREFUL = 1 / 16  # part of the first step down to which a step in doubt is shortened
 _TRIALS = 60  # most points along the branch to locate a special one
 #: Relative distances of a number from a bound: that to which the member on it is located; on it but
 #: for rounding; the largest of a last member, and of a special point, that is said to be on it.
@@ -180,6 +181,11 @@ class Chart(abc.ABC, Generic[Member]):
         """
         del last, new, bent
         return _GROW if iterations <= _EASY else 1.0
+
+    def is_in_doubt(self, last: Member, new: Member) -> bool:
+        """Whether a step may have led to another part of the branch, or to another branch."""
+        del last, new
+        return False
 
     def step(self, last: Member, length: float) -> Step[Member] | str:
         """The member one step further along the branch, or back."""
@@ -420,10 +426,14 @@ def _advance(
     """
     chart = problem.chart(last)
     here = chart.inward(last)
-    while isinstance(new := chart.step(here, length), str):
+    new = chart.step(here, length)
+    while isinstance(new, str) or (
+        length > _CAREFUL * step and chart.is_in_doubt(here, new.member)
+    ):
         length *= _SHRINK
-        if length < problem.shortest * step:
+        if isinstance(new, str) and length < problem.shortest * step:
             return Advance(None, [], length, problem.lost(new)), True
+        new = chart.step(here, length)
     again = problem.again(chart, first, here, new.member)
     until = new.member if again is None else again
     special = problem.special(chart, here, until, last is first)

@@ -4,11 +4,15 @@ import collections
 import dataclasses
 import math
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jaxdyn import _labelled, _text
 from jaxdyn._labelled import Labelled, Values, entries
 from jaxdyn.analysis.eigenvalues import Eigenvalues, rate_eigenvalues, rate_verdict
+from jaxdyn.analysis.energy_extremum import is_extremum_of_energy
 from jaxdyn.continuation.defining import Make, slope_at
 from jaxdyn.continuation.kinds import Kind
 
@@ -22,7 +26,7 @@ class Equilibrium:
       parameter: value of the parameter.
       slopes: (k, k + 1) derivative of the rate with respect to the state and the parameter.
       eigenvalues: eigenvalues of the Jacobian, with bars.
-      verdict: "stable", "unstable" or "undecided".
+      verdict: "stable", "unstable" or "undecided", as `jaxdyn.linearize` says.
       tangent: (k + 1,) unit vector along the family, the parameter last.
       residual: largest entry of the residual of the point's equations, which at a special point are
         those of its kind.
@@ -147,12 +151,23 @@ def equilibrium_at(make: Make, x: np.ndarray, along: np.ndarray, residual: float
     slopes = np.asarray(slope_at(make, x))
     tangent = np.linalg.svd(slopes)[2][-1]
     found = rate_eigenvalues(slopes[:, :-1])
+    verdict = str(rate_verdict(found))
+    turning = np.abs(found.values.imag) > found.bars
+    if verdict == "undecided" and turning.all() and _is_extremum_of_energy(make, x):
+        verdict = "stable"
     return Equilibrium(
         state=x[:-1],
         parameter=float(x[-1]),
         slopes=slopes,
         eigenvalues=found,
-        verdict=str(rate_verdict(found)),
+        verdict=verdict,
         tangent=tangent if tangent @ along >= 0 else -tangent,
         residual=residual,
     )
+
+
+@eqx.filter_jit
+def _is_extremum_of_energy(make: Make, x: Array) -> Array:
+    """Whether () the energy of the scene in units is conserved and has an extremum at a point."""
+    zero, one = jnp.zeros(()), jnp.ones(())
+    return is_extremum_of_energy(make(x[-1]), zero, x[:-1], jnp.ones_like(x[:-1]), one)

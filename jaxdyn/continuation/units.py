@@ -45,6 +45,10 @@ class _Scaled(eqx.Module):
         """The rate (k,) in these units."""
         return self.scene.rate(t * self.time, z * self.each) * (self.time / self.each)
 
+    def energies(self, t: Array, z: Array) -> tuple[Array, ...]:
+        """The terms () whose sum is the energy, in its own unit."""
+        return self.scene.field.energies(t * self.time, z * self.each)
+
 
 class InUnits(eqx.Module):
     """The scene for each value of the parameters, all in units.

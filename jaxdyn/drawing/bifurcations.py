@@ -275,12 +275,7 @@ def _criticality(one, two) -> str:
 def draw_equilibria(ax, families: Sequence[EquilibriumFamily], index: int, of: str = "") -> None:
     """Draw the `stretches` of families of equilibria; `of` begins their names in the legend."""
     for family in families:
-        found = stretches(
-            family.members,
-            family.special,
-            lambda x: x.verdict,
-            lambda x: np.append(x.x, x.parameter),
-        )
+        found = stretches(family.members, family.special, lambda x: x.verdict, lambda x: x.x)
 
         def place(x) -> tuple[float, float]:
             return x.parameter, x.state[index]

@@ -184,7 +184,7 @@ class _Motions(Settling):
                 if any(self.apart(points, rest)[0] < REACHED for points in known):
                     return None  # it is still on its way
                 near = jaxdyn.linearize(scene, rest)
-                if near.verdict == "stable":
+                if near.verdict == "stable" and near.portrait != "centre":
                     real = np.asarray(near.eigenvalues).real
                     return Attractor(EQUILIBRIUM, rest[None], None, real, np.asarray(near.bars))
         guess = self._return_time(scene, y)

@@ -114,7 +114,11 @@ def zero_between(
 
     small = _ZERO * max(abs(value(a)), abs(value(b)))
     best = OrbitChart(surface, a, known=known).locate(value, a, b)
-    return best if best is not None and abs(value(best)) <= small else None
+    if best is None or abs(value(best)) > small:
+        return None
+    # One of the flow's that rounding hides there would be taken for a multiplier of 1.
+    most = max(len(member.stability.nontrivial) for member in (a, b))
+    return None if known and len(best.stability.nontrivial) > most else best
 
 
 def _boundary(surface: Surface, a: Member, b: Member) -> list[Member]:
@@ -239,6 +243,11 @@ _TESTS = {Kind.FOLD: _fold, Kind.BRANCH: _branch, Kind.DOUBLING: _through(-1.0)}
 def _known_tests(surface: Surface, a: Member, b: Member) -> set[Kind]:
     """The tests whose signs are known at both neighbours."""
     return {kind for kind in _TESTS if all(_is_sign_certain(kind, surface, end) for end in (a, b))}
+
+
+def leaves_open(surface: Surface, member: Member) -> bool:
+    """Whether rounding leaves open on which side of 1 a multiplier of a member is."""
+    return not _is_sign_certain(Kind.BRANCH, surface, member)
 
 
 def _is_sign_certain(kind: Kind, surface: Surface, member: Member) -> bool:

@@ -38,7 +38,7 @@ from orbits.analysis.same import same_orbit
 from orbits.closing.closings import Hold, conditions
 from orbits.closing.given import drive_period, repeats
 from orbits.families import checkpoint
-from orbits.families.bifurcations import special_points, zero_between
+from orbits.families.bifurcations import leaves_open, special_points, zero_between
 from orbits.families.chains import ChainSurface
 from orbits.families.family import Family, Member
 from orbits.families.shrinking import shrinks_ahead
@@ -97,6 +97,8 @@ _AMPLITUDES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
 #: An orbit further from a special point than this multiple of the amplitude is on another branch.
 _BESIDE = 4.0
 _NUDGE = 1e-6  # length along a tangent, for a difference quotient
+#: Points at which a multiplier is 1.
+_AT_ONE = (Kind.FOLD, Kind.BRANCH)
 _ENDS = {
     Kind.REST: "an equilibrium, to which the orbits shrink",
     Kind.GRAZING: "a grazed event, beyond which the chains are not motions",
@@ -319,6 +321,10 @@ class _Problem(BranchProblem[Member]):
     def __init__(self, surface: Surface, within, energies):
         self.surface, self.within, self.energies = surface, within, energies
         self.what = checkpoint.what(surface)
+        #: The last member whose multipliers are known to be on one side of 1 where those of the
+        #: members since then are not; and the special points since then.
+        self.known: Member | None = None
+        self.since: list[Member] = []
 
     def chart(self, member: Member) -> OrbitChart:
         return OrbitChart(self.surface.at(member.point), member)
@@ -334,7 +340,14 @@ class _Problem(BranchProblem[Member]):
         return np.append(member.point.x, member.tangent)
 
     def special(self, chart: OrbitChart, a, b, first: bool) -> list[Member]:
-        return special_points(chart.surface, a, b)
+        found = special_points(chart.surface, a, b)
+        start, before = (a, []) if self.known is None else (self.known, self.since)
+        is_open = leaves_open(chart.surface, b)
+        self.known, self.since = (start, [*before, *found]) if is_open else (None, [])
+        if start is a or is_open or any(x.kind in _AT_ONE for x in (*before, *found)):
+            return found
+        missed = special_points(self.surface.at(start.point), start, b)
+        return [*found, *(x for x in missed if x.kind in _AT_ONE)]
 
     def again(self, chart: OrbitChart, first, a, b) -> Member | None:
         return first_met_again(chart.surface, first, a, b)

@@ -4,6 +4,7 @@ import dataclasses
 
 import jax.numpy as jnp
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from jaxdyn import Status
 from jaxdyn._checks import fail
@@ -16,6 +17,8 @@ from orbits.families.surface import Point, Surface
 #: bend by no more than the part `_BENT` of it, and multipliers will move no further than `_DRIFT`:
 #: of two special points in one step, each may hide the other.
 _GROW, _BENT, _DRIFT = 2.0, 0.05, 0.3
+#: Where a multiplier moves further than this in a step, the step is in doubt.
+_LEAP = 1.0
 #: Parts of a step between two members that are tried, the longest first: near a collision Newton's
 #: method needs short ones.
 _PARTS = (1.0, 0.5, 0.25, 0.125)
@@ -114,6 +117,10 @@ class OrbitChart(Chart[Member]):
         least = max(1 / _GROW, bent / _BENT, drift(last, new) / _DRIFT)
         return max(1.0, 1 / least)
 
+    def is_in_doubt(self, last: Member, new: Member) -> bool:
+        # In a canard explosion orbits of two kinds nearly coincide at their starts.
+        return drift(last, new) > _LEAP
+
     def between(self, a: Member, b: Member, share: float) -> Member | None:
         # Where Newton's method fails, a shorter step may succeed, or one from the other end.
         tried = (
@@ -141,13 +148,17 @@ def drift(a: Member, b: Member) -> float:
     """The farthest that a multiplier moves between two members; infinite if that is unknown.
 
     It is measured on the Riemann sphere, since multipliers near zero and infinity may change
-    without effect. Where multipliers exchange their order of size, the result is too large.
+    without effect. Multipliers are paired so that they move least, since they may exchange their
+    order of size.
     """
     one, two = (member.stability.nontrivial for member in (a, b))
     if len(one) != len(two):
         return np.inf
-    away = np.hypot(1.0, np.abs(one)) * np.hypot(1.0, np.abs(two))
-    return float((2 * np.abs(two - one) / away).max(initial=0.0))
+    away = np.hypot(1.0, np.abs(one))[:, None] * np.hypot(1.0, np.abs(two))
+    moved = 2 * np.abs(two - one[:, None]) / away
+    if not np.isfinite(moved).all():
+        return np.inf
+    return float(moved[linear_sum_assignment(moved)].max(initial=0.0))
 
 
 def in_segments(surface: Surface, member: Member) -> Member:

@@ -38,6 +38,10 @@ from jaxdyn.analysis.monodromy import form_change
 
 #: Relative error to which M must preserve a candidate that is confirmed.
 CONFIRMED = 1e-7
+#: The same for the flow. A field that does not depend on time leaves only the error of M as a
+#: reason why M should not keep its direction, and bars include that (`Split.residual`).
+_CONFIRMED_FLOW = 1e-4
+_FLOW = "flow"
 #: The same for the vector field off the orbit, where nothing is integrated and errors are rounding.
 _EXACT = 1e-12
 #: Singular values of a set of directions below this share of the largest are rounding.
@@ -238,7 +242,8 @@ class Monodromy:
                 or name not in later
                 or _is_unturned(back @ (np.asarray(later[name]) / self.each), move / self.each)
             )
-            if same and self._keeps(self.m @ g - g, g):
+            within = _CONFIRMED_FLOW if name == _FLOW else CONFIRMED
+            if same and self._keeps(self.m @ g - g, g, within):
                 found.add(name, g)
             elif np.linalg.norm(g) > 0:
                 found.others.append(g / np.linalg.norm(g))
@@ -253,9 +258,9 @@ class Monodromy:
             if self._keeps(change - symmetric @ change, v):
                 moves.add("family", v)
 
-    def _keeps(self, change: np.ndarray, direction: np.ndarray) -> bool:
+    def _keeps(self, change: np.ndarray, direction: np.ndarray, within: float = CONFIRMED) -> bool:
         size = np.linalg.norm(direction)
-        most = max(CONFIRMED * float(np.linalg.norm(self.m)), ERROR_SAFETY * self.doubt)
+        most = max(within * float(np.linalg.norm(self.m)), ERROR_SAFETY * self.doubt)
         return bool(size > 0 and np.linalg.norm(change) < most * size)
 
     def _together(
@@ -291,7 +296,7 @@ def symmetries(scene: Scene, each: np.ndarray) -> dict[str, Any]:
     """
     y0 = np.asarray(scene.y0)
     here, leaks = _local_on_host(scene, 0.0, y0), _largest(_commutators, _nearby(scene, each), each)
-    candidates = {"flow": here.rate, **here.moves}
+    candidates = {_FLOW: here.rate, **here.moves}
     return {name: g for name, g in candidates.items() if leaks[name] < _EXACT}
 
 
@@ -382,7 +387,7 @@ def _commutators(at: _Local, each: np.ndarray) -> dict[str, Any]:
         size = np.linalg.norm(shear / each) + slope * np.linalg.norm(g / each)
         found[name] = np.linalg.norm((shear - at.slope @ g) / each) / size
     still = np.linalg.norm(at.still / each) / np.linalg.norm(at.rate / each)
-    return {"flow": still, **found}
+    return {_FLOW: still, **found}
 
 
 def _largest(measure: Callable, nearby: list[_Local], each: np.ndarray) -> dict[str, np.ndarray]:

@@ -53,7 +53,7 @@ def test_what_an_orbit_is_and_its_stability_are_shown(swing):
 @pytest.mark.slow
 def test_multipliers_are_shown_with_their_bars():
     eight = orbits.find(scenes.three_body(), closing=orbits.choreography(3))
-    assert "choreography of 3, to " in lines(eight)[2]
+    assert "choreography of 3, residual " in lines(eight)[2]
     text = str(orbits.stability(eight))
     # Simo (2002), Contemp. Math. 292, 209: rotation numbers 0.00842272 and 0.29809253.
     assert "rotation     0.00842272471, 0.298092529" in text
@@ -66,13 +66,13 @@ def test_a_family_and_a_search_are_shown(swing):
     family = orbits.continue_family(swing, members=3)
     head, period, energy, *rest = lines(family)
     assert head == "Family of 3 orbits of pendulum"
-    assert period == f"  period     {family.periods[0]:.6g} to {family.periods[-1]:.6g}"
-    assert energy == f"  energy     {family.energies[0]:.6g} to {family.energies[-1]:.6g}"
+    assert period == f"  period     {family.periods[0]:.6g} to {family.periods[-1]:.6g} s"
+    assert energy == f"  energy     {family.energies[0]:.6g} to {family.energies[-1]:.6g} J"
     assert rest[0] == "  stability  3 stable"
     assert lines(family.members[0]) == [
         "Member of a family of pendulum",
-        f"  period     {family.periods[0]:.6g}",
-        f"  energy     {family.energies[0]:.6g}",
+        f"  period     {family.periods[0]:.6g} s",
+        f"  energy     {family.energies[0]:.6g} J",
         "  stability  stable",
     ]
     assert "<img" in family.members[0]._repr_html_()
@@ -88,7 +88,7 @@ def test_equilibria_are_shown_with_what_they_are():
     head, *rows = lines(equilibria(scenes.pendulum(), [-4.0], [4.0]))
     assert head == "Equilibria: 2 equilibria"
     assert rows[0] == "  1          (-3.14159, 0): isolated, unstable, saddle"
-    assert rows[1] == "  2          (0, 0): isolated, undecided, centre"
+    assert rows[1] == "  2          (0, 0): isolated, stable, centre"
     assert rows[2].startswith("  certainty  complete")
 
 

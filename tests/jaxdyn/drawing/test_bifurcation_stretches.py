@@ -1,12 +1,9 @@
 """Where the lines of a diagram are cut, and which of them a legend names."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
-from jaxdyn.drawing.bifurcations import draw_equilibria, stretches
+from jaxdyn.drawing.bifurcations import stretches
 
 #: Places on a line and verdicts.
 POINTS = [(0.0, "stable"), (1.0, "stable"), (2.0, "unstable"), (3.0, "unstable")]
@@ -65,17 +62,3 @@ def test_the_order_along_a_line_does_not_depend_on_units(unit):
     found = stretches([*first, *middle, *last], [left, right], lambda x: x[1], lambda x: x[0])
     wanted = [[*first, left], [left, *middle, right], [right, *last]]
     assert [points for _, points, _ in found] == wanted
-
-
-def test_a_branch_that_stays_at_rest_is_cut_where_its_parameter_says():
-    def point(parameter, verdict=""):
-        rest = np.zeros(1)
-        return SimpleNamespace(x=rest, state=rest, parameter=parameter, verdict=verdict)
-
-    before, after = [-3.0, -2.0, -1.0], [0.5, 1.5, 2.5]
-    members = [point(p, "stable") for p in before] + [point(p, "unstable") for p in after]
-    axes = Figure().subplots()
-    draw_equilibria(axes, [SimpleNamespace(members=members, special=[point(0.0)])], 0)
-    lines = {line.get_label(): line.get_xdata() for line in axes.lines}
-    assert lines["stable"][[0, -1]] == pytest.approx([-3.0, 0.0], abs=1e-12)
-    assert lines["unstable"][[0, -1]] == pytest.approx([0.0, 2.5], abs=1e-12)

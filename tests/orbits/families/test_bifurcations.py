@@ -388,3 +388,28 @@ def test_a_pair_may_cross_the_circle_far_within_a_step(first, down):
     # Those at the circle decide the kind: a pair of 12 is no quadruple with what it comes near.
     assert [x.kind for x in family.special] == [Kind.TORUS]
     assert abs(family.special[0].parameter) < 1e-10
+
+
+def neuron(t, y, current):
+    """FitzHugh and Nagumo's neuron; (v, w, I) -> (-v, -w + 7/4, 7/4 - I) leaves it as it is."""
+    v, w = y
+    return [v - v**3 / 3 - w + current, 0.08 * (v + 0.7 - 0.8 * w)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_family_passes_two_canard_explosions_from_either_end(number):
+    # Orbits of two kinds nearly coincide there, and the parameter is constant to 1e-10.
+    def make(current):
+        return jaxdyn.ode(neuron, [-1.2, -0.6], 100.0, names=["v", "w"], params=current)
+
+    rests = jaxdyn.continue_equilibria(make, 0.0, [-1.2, -0.62], within=(0.0, 2.0))
+    begin, end = np.roll([x for x in rests.special if x.kind == Kind.HOPF], -number)
+    first, current = orbits.from_hopf(rests, begin)
+    family = orbits.continue_family(first, make, current, members=150)
+    assert [x.kind for x in family.special] == [Kind.FOLD, Kind.FOLD, Kind.REST]
+    near, far, last = (x.parameter for x in family.special)
+    assert abs(near + far - 1.75) < SOLVED
+    assert abs(min(near, far) - 0.3241785225037) < SOLVED
+    assert abs(last - end.parameter) < 1e-6
+    assert {len(m.stability.nontrivial) for m in family.members} == {1}
