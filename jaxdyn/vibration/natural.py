@@ -91,7 +91,7 @@ class NaturalModes:
 
     @_text.never_raising
     def __repr__(self) -> str:
-        names = [name for name, _ in self.labels]
+        names, time = [name for name, _ in self.labels], _text.second(self.labels)
         rows = []
         found = zip(self.frequencies, self.damping_ratios, self.shapes.T, strict=True)
         for number, (w, ratio, shape) in enumerate(found, start=1):
@@ -100,15 +100,11 @@ class NaturalModes:
                 f"{name} {_entry(complex(x), real)}"
                 for name, x in zip(names, np.asarray(shape), strict=False)
             )
-            text = f"{_text.brief(float(w), self._unit)}, damping ratio {_text.brief(float(ratio))}"
+            text = f"{_text.frequency(float(w), time)}, damping ratio {_text.brief(float(ratio))}"
             rows.append((f"mode {number}", f"{text}: {', '.join(entries)}"))
         return _text.table("Natural modes", rows)
 
     _repr_html_ = _text.html
-
-    @property
-    def _unit(self) -> str:
-        return _text.rad_per_second(self.labels)
 
 
 def _entry(x: complex, real: bool) -> str:
@@ -141,7 +137,7 @@ def modes(scene: Scene, y=None, t=0.0) -> NaturalModes:
       >>> found = vibration.modes(scenes.oscillator(k=9.0, m=1.0, c=0.6, x=0.0))
       >>> print(found)
       Natural modes
-        mode 1  3 rad/s, damping ratio 0.1: x 1
+        mode 1  3 rad/s (0.477465 Hz), damping ratio 0.1: x 1
     """
     check_scene(scene)
     y = _checks.array("y", scene.y0 if y is None else y, scene.y0.shape)

@@ -43,6 +43,22 @@ def test_a_response_is_drawn_and_written(vibration, tmp_path):
     assert_allclose(size * np.exp(1j * phase), 1 / (4 - omega**2 + 0.4j * omega), rtol=1e-12)
 
 
+def test_hertz_is_the_unit_of_all_frequencies(vibration, tmp_path):
+    table = tmp_path / "response.csv"
+    words = ("--set", "k=4", "--set", "c=0.4", "--input", "x", "--samples", 2, "--csv", table)
+    code, out, _ = vibration("oscillator", *words, "--within", "0.1,0.5", "--hertz")
+    assert code == 0
+    assert f"at {np.sqrt(4 - 0.4**2 / 2) / (2 * np.pi):.4f}" in out
+    assert "0.31831" in out  # beside the 2 rad/s of the mode
+    with open(table, encoding="utf-8") as file:
+        head, *rows = csv.reader(file)
+    assert head[0] == "frequency [Hz]"
+    frequency, size, _ = np.array(rows, float).T
+    assert_allclose(frequency, [0.1, 0.5], rtol=1e-12)
+    w = 2 * np.pi * frequency
+    assert_allclose(size, np.abs(1 / (4 - w**2 + 0.4j * w)), rtol=1e-12)
+
+
 def test_the_largest_response_is_that_of_a_narrow_resonance(vibration):
     words = ("--set", "k=100", "--set", "c=2e-4", "--input", "x", "--samples", 5)
     code, out, _ = vibration("oscillator", *words)

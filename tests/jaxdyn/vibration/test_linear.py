@@ -36,7 +36,7 @@ def test_a_damped_oscillator_has_its_frequency_ratio_and_matrices():
     assert_allclose(found.damped_frequencies, np.sqrt(K / M * (1 - ratio**2)), rtol=1e-14)
     matrices = (found.mass, found.damping, found.stiffness)
     assert_allclose(np.ravel(matrices), [M, C, K], rtol=1e-15)
-    assert "2.12132 rad/s, damping ratio 0.0707107: x 1" in repr(found)
+    assert "2.12132 rad/s (0.337619 Hz), damping ratio 0.0707107: x 1" in repr(found)
 
 
 def test_what_does_not_oscillate_has_real_eigenvalues():
@@ -198,9 +198,14 @@ def test_derivatives_of_transfer_functions_have_their_names_and_units():
     assert_allclose(velocity.at(OMEGA), vibration.mobility(CHAIN, "x1", "x1", OMEGA), rtol=0)
     with pytest.raises(ValueError, match="order: expected a whole number"):
         h.derivative(0.5)
-    assert h.frequency == "frequency [rad/s]"
-    assert vibration.transfer_function(IN_MM, "x", "x").frequency == "frequency [rad/ms]"
-    assert vibration.transfer_function(BARE, "x", "x").frequency == "frequency"
+    angular, turns = h.table(OMEGA), h.table(OMEGA, hertz=True)
+    assert (angular.units["omega"], turns.units["frequency"]) == ("rad/s", "Hz")
+    frequencies = turns.coordinates["frequency"].array
+    assert_allclose(2 * np.pi * frequencies, OMEGA, rtol=1e-15)
+    slow = vibration.transfer_function(IN_MM, "x", "x")
+    units = [slow.table(OMEGA, hertz=hertz).coordinates.popitem()[1].unit for hertz in (0, 1)]
+    assert units == ["rad/ms", "1/ms"]
+    assert "omega" not in vibration.transfer_function(BARE, "x", "x").table(OMEGA).units
 
 
 def test_a_transfer_function_is_a_table():
