@@ -98,16 +98,24 @@ def _print(
     unit = second(scene.labels())
     place = entries(scene.labels(), scene.y0, most=len(scene.y0))
     out.print(f"[bold]{escape(name)}[/bold] about {escape(place)}")
-    scales = [frequency_scale(unit, hertz=hertz) for hertz in ((False, True) if unit else (False,))]
-    table = Table("mode", *(escape(with_unit("frequency", x)) for _, x in scales), "damping ratio")
+    kinds = (False, True) if unit else (False,)
+    scales = [frequency_scale(unit, hertz=hertz) for hertz in kinds]
+    heads = [*(with_unit("frequency", name) for _, name in scales), "damping ratio"]
+    grows = any(x.imag == 0 and x.real != 0 for x in found.eigenvalues.tolist())
+    heads += [with_unit("growth rate", f"1/{unit}" if unit else "")] * grows
+    table = Table("mode", *map(escape, heads))
     shapes = found.shapes
     for label in names[: len(shapes)]:
         table.add_column(escape(label))
-    rows = zip(found.frequencies, found.damping_ratios, shapes.T, strict=True)
-    for number, (frequency, ratio, shape) in enumerate(rows, start=1):
-        shown = (frequency * scale for scale, _ in scales)
-        numbers = (*shown, ratio, *(abs(x) * (1 if x.real >= 0 else -1) for x in shape))
-        table.add_row(str(number), *(brief(float(x)) for x in numbers))
+    ratios = found.damping_ratios.tolist()
+    rows = zip(found.eigenvalues.tolist(), ratios, shapes.T, strict=True)
+    for number, (value, ratio, shape) in enumerate(rows, start=1):
+        # A real eigenvalue is a rate, neither a frequency nor a damping ratio.
+        turns = bool(value.imag) or not value
+        texts = [brief(abs(value) * scale) if turns else "" for scale, _ in scales]
+        texts += [brief(ratio) if value.imag else "", *[brief(value.real + 0.0)] * grows]
+        texts += [brief(float(abs(x) * (1 if x.real >= 0 else -1))) for x in shape]
+        table.add_row(str(number), *texts)
     out.print(table)
 
 
@@ -115,6 +123,7 @@ def _as_json(found: "jaxdyn.vibration.NaturalModes", scene: "jaxdyn.Scene") -> d
     ratios = [x + 0.0 if math.isfinite(x) else None for x in found.damping_ratios.tolist()]
     return {
         "equilibrium": scene.y0.tolist(),
+        "eigenvalues": [[x.real, x.imag] for x in found.eigenvalues.tolist()],
         "frequencies": found.frequencies.tolist(),
         "damping_ratios": ratios,
         "shapes": [[[x.real, x.imag] for x in shape] for shape in found.shapes.T.tolist()],

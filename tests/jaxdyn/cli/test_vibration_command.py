@@ -3,6 +3,7 @@
 import csv
 import functools
 import json
+import re
 
 import numpy as np
 import pytest
@@ -25,7 +26,10 @@ def test_modes_about_the_equilibrium_near_the_start(vibration):
     code, out, _ = vibration("pendulum", "--start", "3,0")
     assert code == 0
     assert "theta = 3.14159" in out  # it falls: a real eigenvalue of either sign
-    assert "-1" in out
+    assert "growth rate" in out
+    assert f"-{np.sqrt(9.81):.5f}" in out
+    assert "rad/s" in out.partition("damping")[0]
+    assert len(re.findall(r"│ [12] +│ +│ +│ +│ -?3\.13209 +│ 1 +│", out)) == 2
 
 
 def test_a_response_is_drawn_and_written(vibration, tmp_path):

@@ -48,6 +48,23 @@ def test_what_does_not_oscillate_has_real_eigenvalues():
     assert np.isnan(free.damping_ratios).all()
 
 
+def test_real_eigenvalues_are_shown_as_rates():
+    k = 3.0
+    saddle = vibration.modes(one(k=-k, m=1.0, c=0.0))  # x'' = 3 x
+    rate = f"{np.sqrt(k):.6g} 1/s: x 1"
+    assert f"no oscillation, decays at {rate}" in repr(saddle)
+    assert f"no oscillation, grows at {rate}" in repr(saddle)
+    assert_allclose(np.sort(saddle.growth_rates), [-np.sqrt(k), np.sqrt(k)], rtol=1e-14)
+    overdamped = repr(vibration.modes(one(k=1.0, m=1.0, c=4.0)))
+    assert f"decays at {2 - np.sqrt(3):.6g} 1/s" in overdamped
+    assert f"decays at {2 + np.sqrt(3):.6g} 1/s" in overdamped
+    assert "damping ratio" not in overdamped
+    assert "mode 1  0 rad/s (0 Hz): x 1" in repr(vibration.modes(one(k=0.0, m=1.0, c=0.0)))
+    driven = scenes.linear_system(M=[[1.0]], C=[[-0.2]], K=[[1.0]], names=["x"])
+    said = "1 rad/s (0.159155 Hz), damping ratio -0.1: x 1"
+    assert said in repr(vibration.modes(driven))
+
+
 def test_the_modes_of_a_pendulum_are_those_of_its_matrices():
     rest = scenes.double_pendulum(angles=(0.0, 0.0))
     found, known = vibration.modes(rest), jaxdyn.modes(rest)
