@@ -300,7 +300,7 @@ def meaning_of(kind: type, name: str) -> str:
       >>> meaning_of(effects.HingeDamper, "c"), meaning_of(effects.HingeDamper, "i")
       ('damping of the hinge', '')
     """
-    line = rf"^ +{name}: (?:\([^()]*\) )?([^\[,;.]*)"
+    line = rf"^ +{name}: (?:\([^()]*\) )?((?:[^\[,;.]|,(?= of ))*)"
     texts = (cls.__dict__.get("__doc__") or "" for cls in kind.__mro__)
     found = next(filter(None, (re.search(line, text, re.MULTILINE) for text in texts)), None)
     return " ".join(found[1].split()).rstrip(" :") if found else ""

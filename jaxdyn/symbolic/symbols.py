@@ -13,7 +13,7 @@ import numpy as np
 
 from jaxdyn.scene import Scene
 from jaxdyn.symbolic.algebra import Expression, Symbol, as_expression, number
-from jaxdyn.symbolic.parameters import Description, Leaf, description, leaves
+from jaxdyn.symbolic.parameters import Description, Leaf, descriptions, leaves
 
 GREEK = (
     *("alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa"),
@@ -182,7 +182,10 @@ def _parameters(
         several = counts[stem + index] > 1
         seen[stem + index] += 1
         order = str(seen[stem + index]) if several else ""
-        for place, value in zip(places(leaf), leaf.value.ravel().tolist(), strict=True):
+        each = zip(
+            places(leaf), leaf.value.ravel().tolist(), descriptions(scene, leaf), strict=True
+        )
+        for place, value, said in each:
             if value == 0 or leaf.is_fixed:
                 found.append(number(value))
                 continue
@@ -198,7 +201,7 @@ def _parameters(
             found.append(as_expression(symbol))
             values[symbol] = value
             names[symbol] = f"{'.'.join(leaf.path)}{place}"
-            described[symbol] = description(scene, leaf.path)
+            described[symbol] = said
     return tuple(found), values, names, described
 
 
