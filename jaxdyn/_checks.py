@@ -288,6 +288,9 @@ _LONGEST = 60  # characters of a value in a message
 _BY_POSITION = "Arguments are passed by position: lambda x: function(name=x) passes one by name."
 F = TypeVar("F", bound=Callable)
 
+#: What a matrix may be in place of a scene.
+_MATRICES = [(kind, "Scene") for kind in ("ndarray", "ArrayImpl", "list", "matrix")]
+
 #: What to do with what was given instead, by the names of both kinds.
 _REMEDIES = {
     ("Scene", "Orbit"): "Find one first: orbits.find(scene).",
@@ -308,6 +311,7 @@ _REMEDIES = {
     ("HybridTrajectory", "Scene"): "Pass the scene of one of motion.pieces.",
     ("Family", "Orbit"): "Pass the orbit of one of family.members.",
     ("Family", "Scene"): "Pass the scene of an orbit of one of family.members.",
+    **dict.fromkeys(_MATRICES, "Matrices M, C, K make one: scenes.linear_system(M=M, C=C, K=K)."),
     ("SearchResult", "Orbit"): "Pass one of result.orbits.",
     ("Outcome", "Orbit"): "Pass the orbit itself.",
 }

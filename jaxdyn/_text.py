@@ -203,8 +203,34 @@ def second(labels: Sequence[tuple[str, str]]) -> str:
 
 def rad_per_second(labels: Sequence[tuple[str, str]]) -> str:
     """The unit of an angular frequency, e.g. "rad/s"; "" without a unit of time."""
-    unit = second(labels)
-    return f"rad/{unit}" if unit else ""
+    return frequency_scale(second(labels), hertz=False)[1]
+
+
+def frequency_scale(time: str, *, hertz: bool) -> tuple[float, str]:
+    """What an angular frequency is multiplied by to be shown, and the unit that it then has.
+
+    Args:
+      time: the unit of time; "" without one.
+      hertz: whether it is shown in turns, not radians, per unit of time.
+    Example:
+      >>> frequency_scale("day", hertz=False), frequency_scale("s", hertz=True)[1]
+      ((1.0, 'rad/day'), 'Hz')
+    """
+    if not hertz:
+        return 1.0, f"rad/{time}" if time else ""
+    return 1 / (2 * math.pi), "Hz" if time == "s" else f"1/{time}" if time else ""
+
+
+def frequency(w: float, time: str) -> str:
+    """An angular frequency and, if there is a unit of time, the frequency in turns per unit.
+
+    Example:
+      >>> frequency(2.0, "s")
+      '2 rad/s (0.31831 Hz)'
+    """
+    units = [frequency_scale(time, hertz=hertz) for hertz in (False, True)]
+    angular, plain = (brief(w * scale, unit) for scale, unit in units)
+    return f"{angular} ({plain})" if time else angular
 
 
 def in_si(labels: Sequence[tuple[str, str]]) -> bool:
@@ -274,7 +300,7 @@ def meaning_of(kind: type, name: str) -> str:
       >>> meaning_of(effects.HingeDamper, "c"), meaning_of(effects.HingeDamper, "i")
       ('damping of the hinge', '')
     """
-    line = rf"^ +{name}: (?:\([^()]*\) )?([^\[,;.]*)"
+    line = rf"^ +{name}: (?:\([^()]*\) )?((?:[^\[,;.]|,(?= of ))*)"
     texts = (cls.__dict__.get("__doc__") or "" for cls in kind.__mro__)
     found = next(filter(None, (re.search(line, text, re.MULTILINE) for text in texts)), None)
     return " ".join(found[1].split()).rstrip(" :") if found else ""

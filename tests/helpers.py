@@ -23,7 +23,7 @@ from jaxdyn.solvers.formulas.formulas import Formulas, formulas
 TESTS = Path(__file__).parent
 #: Scenes for questions that the course does not ask.
 BEYOND = {*("henon_heiles", "hill", "n_body", "restricted_three_body")}
-BEYOND |= {"restricted_three_body_in_space", "spring_chain"}
+BEYOND |= {"restricted_three_body_in_space", "spring_chain", "linear_system"}
 BEYOND |= {*("ball_on_table", "impact_oscillator", "rimless_wheel", "simplest_walker")}
 #: Scenes of many kinds, quickly compiled: the default run takes them for all ready-made ones.
 ZOO = ("cannonball", "cylinder_on_ramp", "feynman_plate", "hill", "lorenz", "n_body", "pendulum")

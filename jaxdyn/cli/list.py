@@ -1,6 +1,7 @@
 """The command `jaxdyn list`: scenes with their parameters, problems, texts about a word."""
 
 from collections.abc import Mapping
+from difflib import get_close_matches
 from typing import Annotated
 
 import typer
@@ -9,12 +10,14 @@ from rich.table import Table
 
 import jaxdyn
 from jaxdyn import _scene_files
-from jaxdyn._text import choice, fail
+from jaxdyn._text import fail
 from jaxdyn.cli import completion, topics
 from jaxdyn.cli.docstrings import SceneText, of_file, scenes
 from jaxdyn.cli.screen import Screen
 from jaxdyn.cli.shared import JsonOption
 
+_MENTIONED = "a scene, or a word that a scene, effect, guide, command or problem mentions"
+_TRY = "Try a more common word, or a part of it; `jaxdyn list` shows all scenes."
 _MOST_WHOLE = 4  # scenes found by a word that are listed with all their numbers
 
 
@@ -32,7 +35,7 @@ def list_command(
         bool, typer.Option("--problems", help="The problems of the course, with their answers.")
     ] = False,
 ) -> None:
-    """List scenes with their parameters; with a word, also guides, commands and problems."""
+    """List scenes with their parameters; with a word, also effects, guides, commands, problems."""
     if problems and names:
         raise fail("--problems", "no scene beside it", names[0], "It lists problems.")
     out = Screen(as_object)
@@ -83,8 +86,9 @@ def _texts(words: list[str]) -> dict[str, dict[str, str]]:
     """The texts of each kind about words that are not names of scenes, by a heading."""
     zoo = scenes()
     asked = [word for word in words if word not in zoo and not _scene_files.is_in_file(word)]
-    found = {"guide of the site": {}, "command": {}, "problem": {}, "word": {}}
+    found = {"effect": {}, "guide of the site": {}, "command": {}, "problem": {}, "word": {}}
     for word in asked:
+        found["effect"] |= topics.effects(word)
         found["command"] |= topics.commands(word)
         found["guide of the site"] |= topics.guides(word)
         found["problem"] |= {f"jaxdyn course {n}": x for n, x in topics.problems(word).items()}
@@ -92,7 +96,9 @@ def _texts(words: list[str]) -> dict[str, dict[str, str]]:
         if not any([*found.values(), *topics.about(word, zoo)]):
             found["guide of the site"] |= topics.guides(word, times=1)
         if not any([*found.values(), *topics.about(word, zoo)]):
-            choice("scene", word, zoo, "jaxdyn list")
+            near = get_close_matches(word, zoo, n=1)
+            hint = f"Did you mean {near[0]!r}?" if near else _TRY
+            raise fail("list", _MENTIONED, repr(word), hint)
     return found
 
 

@@ -87,6 +87,9 @@ SetOption = Annotated[
 ]
 SpanOption = Annotated[float | None, number("End of the time span; that of the scene.")]
 PlotOption = Annotated[Path | None, output_option(picture_path, "Draw it (.png, .pdf, .svg).")]
+HertzOption = Annotated[
+    bool, typer.Option("--hertz", help="All frequencies in Hz, those of --within as well.")
+]
 SeriesOption = Annotated[
     Path | None, output_option(picture_path, "Draw its state over time (.png, .pdf, .svg).")
 ]

@@ -1,9 +1,10 @@
-"""Search by a word: scenes, guides, commands, problems of the course, entries of the glossary.
+"""Search by a word: scenes, effects, guides, commands, problems of the course, the glossary.
 
 All are searched as text, before JAX is loaded. Terms of the field that the texts do not use are
 mapped to those that they do.
 """
 
+import ast
 import re
 from collections.abc import Mapping
 from functools import cache
@@ -20,6 +21,15 @@ _SYNONYMS = {
     "actuator": ("motor", "drive", "driven", "shak"),
     "damping": ("damp", "drag", "friction"),
     "damper": ("damp", "drag"),
+    "elastic": ("spring", "oscillator"),
+    "air resistance": ("drag",),
+    "matrix": ("matrices", "matrix", "vibration"),
+    "finite element": ("matrices", "vibration"),
+    "hz": ("vibration",),
+    "hertz": ("vibration",),
+    "rotor": ("imbalance", "spinning top"),
+    "range": ("launch angle",),
+    "unbalance": ("imbalance",),
     "rigid": ("box", "plate", "satellite", "spinning top"),
     "rigid body": ("box", "plate", "satellite", "spinning top"),
     "boundary condition": ("closing",),
@@ -70,8 +80,10 @@ _SYNONYMS = {
     "collision": ("impact", "bounce", "encounter"),
 }
 
+_EFFECTS = Path(__file__).parents[1] / "effects"
 _GUIDES = Path(__file__).parents[1] / "gallery" / "guides"
-_COMMAND = re.compile(r'^def (\w+)_command\(.*?\n    """([^"\n]+)', re.MULTILINE | re.DOTALL)
+_COMMAND = re.compile(r'^def (\w+)_command\((.*?)\n    """([^"\n]+)', re.MULTILINE | re.DOTALL)
+_FEW = 3  # commands that share an option, up to which it says what they are about
 _LINES = 3  # a guide that has the word in this many lines is about it
 _CHANGES = "20_changes.md"  # has every word, and is about none
 
@@ -99,20 +111,41 @@ def guides(word: str, times: int = _LINES) -> dict[str, str]:
     return found
 
 
-def commands(word: str) -> dict[str, str]:
-    """What commands do whose name or description contains a word."""
-    return {name: does for name, does in _commands() if _is_in(word, f"{name}: {does}")}
+def effects(word: str) -> dict[str, str]:
+    """What effects do whose name or docstring contains a word."""
+    named = ((f"jaxdyn.effects.{name}", text) for name, text in _effects())
+    found = ((name, text) for name, text in named if _is_in(word, f"{name}: {text}"))
+    return {name: text.partition("\n")[0].rstrip(".") for name, text in found}
 
 
 @cache
-def _commands() -> tuple[tuple[str, str], ...]:
-    """The commands with their descriptions, from the text of the files in which they are."""
+def _effects() -> tuple[tuple[str, str], ...]:
+    """The effects with their docstrings, from the text of the files in which they are."""
+    trees = (ast.parse(path.read_text(encoding="utf-8")) for path in sorted(_EFFECTS.glob("*.py")))
+    classes = (x for tree in trees for x in tree.body if isinstance(x, ast.ClassDef))
+    return tuple((x.name, ast.get_docstring(x) or "") for x in classes if x.name[0] != "_")
+
+
+def commands(word: str) -> dict[str, str]:
+    """What commands do whose name or description contains a word, or a few by their options."""
+    found = {name: does for name, _, does in _commands() if _is_in(word, f"{name}: {does}")}
+    by_option = {name: does for name, options, does in _commands() if _is_in(word, options, ())}
+    return found | (by_option if len(by_option) <= _FEW else {})
+
+
+@cache
+def _commands() -> tuple[tuple[str, str, str], ...]:
+    """The commands, their options and what they do, from the text of the files with them."""
     root = Path(__file__).parents[2]
     return tuple(
-        (f"{package} {name.replace('_', '-')}", does.rstrip("."))
+        (
+            f"{package} {name.replace('_', '-')}",
+            " ".join(re.findall(r"^    (\w+):", options, re.MULTILINE)),
+            does.rstrip("."),
+        )
         for package in ("jaxdyn", "orbits")
         for path in sorted((root / package / "cli").rglob("*.py"))
-        for name, does in _COMMAND.findall(path.read_text(encoding="utf-8"))
+        for name, options, does in _COMMAND.findall(path.read_text(encoding="utf-8"))
     )
 
 
@@ -136,15 +169,16 @@ def _words() -> tuple[tuple[str, str], ...]:
 
 
 def _is_in(word: str, text: str, same: tuple[str, ...] | None = None) -> bool:
-    """Whether a text contains the singular of a word, or a word that begins with a synonym."""
+    """Whether words of a text begin with the singular of a word, or with a synonym."""
     word, text = _plain(word), _plain(text)
     one = word.removesuffix("s") if len(word) > 3 else word
     same = _SYNONYMS.get(word, _SYNONYMS.get(one, ())) if same is None else same
-    return one in text or any(re.search(rf"\b{re.escape(other)}", text) for other in same)
+    return any(re.search(rf"\b{re.escape(begins)}", text) for begins in (one, *same))
 
 
 def _plain(text: str) -> str:
-    return re.sub(r"[_-]", " ", text).casefold()
+    """A text in lower case, with spaces between the words of a name such as QuadraticDrag."""
+    return re.sub(r"[_-]|(?<=[a-z])(?=[A-Z])", " ", text).casefold()
 
 
 def _text(name: str, scene: SceneText) -> str:

@@ -9,10 +9,11 @@ from rich.markup import escape
 from rich.table import Table
 
 import jaxdyn
-from jaxdyn._text import brief, entries, fail, rad_per_second, second, whole
+from jaxdyn._text import brief, entries, fail, frequency_scale, second, whole, with_unit
 from jaxdyn.cli.docstrings import scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
+    HertzOption,
     JsonOption,
     PlotOption,
     SceneArgument,
@@ -47,11 +48,12 @@ def vibration_command(
         str | None, typer.Option(metavar="NAME", help="Entry of the response; that of --input.")
     ] = None,
     within: Annotated[
-        str | None, typer.Option(metavar="A,B", help="Angular frequencies of the response.")
+        str | None, typer.Option(metavar="A,B", help="Frequencies of the response [rad/s].")
     ] = None,
     samples: Annotated[int, typer.Option(help="Number of frequencies.")] = 400,
     plot: PlotOption = None,
     csv: Annotated[Path | None, output_option(table_path, "Write the response (.csv).")] = None,
+    hertz: HertzOption = False,
     title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
@@ -75,7 +77,8 @@ def vibration_command(
         else:
             _print(name, found, scene, out)
         if given is not None:
-            _response(scene, (given, output or given, within, samples), (plot, csv, title), out)
+            asked = (given, output or given, within, samples, hertz)
+            _response(scene, asked, (plot, csv, title), out)
 
 
 def at_equilibrium(scene: "jaxdyn.Scene", start: str | None) -> "jaxdyn.Scene":
@@ -95,14 +98,24 @@ def _print(
     unit = second(scene.labels())
     place = entries(scene.labels(), scene.y0, most=len(scene.y0))
     out.print(f"[bold]{escape(name)}[/bold] about {escape(place)}")
-    table = Table("mode", f"frequency{escape(f' [rad/{unit}]') if unit else ''}", "damping ratio")
+    kinds = (False, True) if unit else (False,)
+    scales = [frequency_scale(unit, hertz=hertz) for hertz in kinds]
+    heads = [*(with_unit("frequency", name) for _, name in scales), "damping ratio"]
+    grows = any(x.imag == 0 and x.real != 0 for x in found.eigenvalues.tolist())
+    heads += [with_unit("growth rate", f"1/{unit}" if unit else "")] * grows
+    table = Table("mode", *map(escape, heads))
     shapes = found.shapes
     for label in names[: len(shapes)]:
         table.add_column(escape(label))
-    rows = zip(found.frequencies, found.damping_ratios, shapes.T, strict=True)
-    for number, (frequency, ratio, shape) in enumerate(rows, start=1):
-        numbers = (frequency, ratio, *(abs(x) * (1 if x.real >= 0 else -1) for x in shape))
-        table.add_row(str(number), *(brief(float(x)) for x in numbers))
+    ratios = found.damping_ratios.tolist()
+    rows = zip(found.eigenvalues.tolist(), ratios, shapes.T, strict=True)
+    for number, (value, ratio, shape) in enumerate(rows, start=1):
+        # A real eigenvalue is a rate, neither a frequency nor a damping ratio.
+        turns = bool(value.imag) or not value
+        texts = [brief(abs(value) * scale) if turns else "" for scale, _ in scales]
+        texts += [brief(ratio) if value.imag else "", *[brief(value.real + 0.0)] * grows]
+        texts += [brief(float(abs(x) * (1 if x.real >= 0 else -1))) for x in shape]
+        table.add_row(str(number), *texts)
     out.print(table)
 
 
@@ -110,6 +123,7 @@ def _as_json(found: "jaxdyn.vibration.NaturalModes", scene: "jaxdyn.Scene") -> d
     ratios = [x + 0.0 if math.isfinite(x) else None for x in found.damping_ratios.tolist()]
     return {
         "equilibrium": scene.y0.tolist(),
+        "eigenvalues": [[x.real, x.imag] for x in found.eigenvalues.tolist()],
         "frequencies": found.frequencies.tolist(),
         "damping_ratios": ratios,
         "shapes": [[[x.real, x.imag] for x in shape] for shape in found.shapes.T.tolist()],
@@ -118,21 +132,22 @@ def _as_json(found: "jaxdyn.vibration.NaturalModes", scene: "jaxdyn.Scene") -> d
 
 def _response(scene: "jaxdyn.Scene", asked: tuple, files: tuple, out: Screen) -> None:
     """The response from an input to an output, drawn and written."""
-    given, output, within, samples = asked
+    given, output, within, samples, hertz = asked
     plot, csv, title = files
-    low, high = _range(within, scene)
+    low, high = _range(within, scene, hertz)
     ratio = (high / low) ** (1 / (samples - 1))
     omega = [low * ratio**i for i in range(samples)]
     found = jaxdyn.vibration.transfer_function(scene, given, output)
     size, at = _largest(scene, found, omega)
-    peak = f"{brief(size, found.unit)} at {brief(at, rad_per_second(scene.labels()))}"
+    scale, unit = frequency_scale(found.time, hertz=hertz)
+    peak = f"{brief(size, found.unit)} at {brief(at * scale, unit)}"
     out.print(escape(f"largest receptance, {found.name}: {peak}"))
     if plot:
         with out.writing(plot, "drawn in"):
-            jaxdyn.drawing.bode(omega, found, plot, title=title)
+            jaxdyn.drawing.bode(omega, found, plot, hertz=hertz, title=title)
     if csv:
         with out.writing(csv, "written to"):
-            jaxdyn.files.tables.write_labelled(csv, found.table(omega))
+            jaxdyn.files.tables.write_labelled(csv, found.table(omega, hertz=hertz))
 
 
 def _largest(
@@ -155,11 +170,12 @@ def _largest(
     return best
 
 
-def _range(within: str | None, scene: "jaxdyn.Scene") -> tuple[float, float]:
+def _range(within: str | None, scene: "jaxdyn.Scene", hertz: bool) -> tuple[float, float]:
     if within is None:
         found = [w for w in jaxdyn.vibration.modes(scene).frequencies.tolist() if w > 0]
         return 0.1 * min(found, default=1.0), 10 * max(found, default=1.0)
     bounds = numbers("--within", within)
     if not (len(bounds) == 2 and 0 < bounds[0] < bounds[1]):
         raise fail("--within", "two frequencies > 0, the lower one first", repr(within))
-    return bounds[0], bounds[1]
+    scale, _ = frequency_scale(second(scene.labels()), hertz=hertz)
+    return bounds[0] / scale, bounds[1] / scale

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
 from jaxdyn import _checks
-from jaxdyn._text import with_unit
+from jaxdyn._text import frequency_scale, with_unit
 from jaxdyn.drawing.figures import INK, blank, finish, legend_below, legend_entries, shades, style
 from jaxdyn.drawing.titles import readable
 from jaxdyn.files.output_files import picture_path
@@ -25,6 +25,7 @@ def bode(
     names: Sequence[str] = (),
     magnitude: str | None = None,
     frequency: str | None = None,
+    hertz: bool = False,
     title: str | None = None,
 ) -> Figure:
     """A Bode plot: magnitudes on logarithmic scales, and phases in degrees.
@@ -37,6 +38,7 @@ def bode(
       names: names of the n responses.
       magnitude: name of the magnitude, with its unit; by default that of the transfer function.
       frequency: name of the frequency, with its unit.
+      hertz: whether the axis has the frequencies in Hz, or in turns per unit of time.
       title: title of the picture.
     Raises:
       ValueError: `path` cannot be written, a frequency is not positive, or shapes do not fit.
@@ -44,10 +46,12 @@ def bode(
     path = picture_path(path)
     _checks.check_untraced("bode", (omega, values), "Draw what a compiled function returns.")
     omega = np.asarray(_checks.positive("omega", omega, "The axis is logarithmic."))
-    known = ("magnitude", "frequency [rad/s]")
+    known, time = "magnitude", "s"
     if isinstance(values, TransferFunction):
-        known = (with_unit(values.name, values.unit), values.frequency)
+        known, time = with_unit(values.name, values.unit), values.time
         values = values.at(omega)
+    scale, unit = frequency_scale(time, hertz=hertz)
+    omega = scale * omega
     values = np.asarray(values).reshape(len(omega), -1)
     if names and len(names) != values.shape[1]:
         raise _checks.fail("names", f"{values.shape[1]}, one for each response", len(names))
@@ -58,8 +62,9 @@ def bode(
         axes[0].loglog(omega, np.abs(values[:, i]), color=colour, lw=1.6, label=label)
         phases = np.degrees(np.unwrap(np.angle(values[:, i])))
         axes[1].semilogx(omega, phases, color=colour, lw=1.6, label=label)
-    axes[0].set(ylabel=known[0] if magnitude is None else magnitude)
-    axes[1].set(xlabel=known[1] if frequency is None else frequency, ylabel="phase [deg]")
+    axes[0].set(ylabel=known if magnitude is None else magnitude)
+    frequency = with_unit("frequency", unit) if frequency is None else frequency
+    axes[1].set(xlabel=frequency, ylabel="phase [deg]")
     if omega.max() < _FEW_DECADES * omega.min():  # the powers of 10 alone would be too few
         axes[1].xaxis.set_minor_locator(LogLocator(subs=(2.0, 3.0, 5.0)))
         axes[1].xaxis.set_major_formatter("{x:g}")

@@ -1,8 +1,9 @@
 """Effects: what acts on material points, with one file for each family.
 
 `gravity` (uniform, and between all pairs of bodies), `drag` (drag and dry friction), `central`
-(central forces), `links` (springs, dashpots, dampers, networks of springs), `prescribed`
-(given functions of time). `_parts` checks what effects have in common.
+(central forces), `links` (springs, dashpots, dampers, networks of springs), `matrices`
+(linear forces on coordinates), `prescribed` (given functions of time). `_parts` checks what effects
+have in common.
 
 Positions and velocities are (n, d) arrays, masses (n,); forces are (n, d). The parameters of an
 effect are array leaves; the points that it acts on are fixed when it is made.

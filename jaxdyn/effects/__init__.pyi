@@ -14,6 +14,8 @@ from .links import Dashpot as Dashpot
 from .links import HingeDamper as HingeDamper
 from .links import Spring as Spring
 from .links import SpringNetwork as SpringNetwork
+from .matrices import CirculatoryForce as CirculatoryForce
+from .matrices import MatrixDamper as MatrixDamper
 from .prescribed import ConstantForce as ConstantForce
 from .prescribed import SinusoidalForce as SinusoidalForce
 from .prescribed import StepForce as StepForce

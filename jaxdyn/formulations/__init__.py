@@ -3,7 +3,7 @@
 `newton` (free points), `polar` (one in polar coordinates), `newton_euler` and `lagrange` (free
 coordinates), `constrained` (constraints and rolling conditions, by Lagrange multipliers;
 `dependence` finds which of them are redundant), `rigid` (a body in space; `attitude` is its
-orientation, a quaternion or a matrix), `prescribed` (a given motion).
+orientation, a quaternion or a matrix), `linear` (constant matrices), `prescribed` (a given motion).
 `mechanism` has the parts that formulations of mechanisms share: coordinates and the points that
 they place. `extended` is a system with further entries in its state. `choice` sets one mechanism up
 in several formulations.

@@ -6,6 +6,7 @@ from . import constrained as constrained
 from . import extended as extended
 from . import functions as functions
 from . import lagrange as lagrange
+from . import linear as linear
 from . import mechanism as mechanism
 from . import newton as newton
 from . import newton_euler as newton_euler

@@ -32,8 +32,8 @@ class FourBar(Mechanism):
     (for a crank that does not turn fully) the positions are NaN.
 
     Attributes:
-      m: (3,) masses of the uniform bars [kg].
-      l: (3,) their lengths [m].
+      m: (3,) masses of the crank, of the coupler and of the rocker [kg].
+      l: (3,) lengths of the crank, of the coupler and of the rocker [m].
       end: (2,) far hinge [m].
       crossed: whether the coupler lies to the right of the line from the crank pin to the far
         hinge; otherwise it lies to the left.

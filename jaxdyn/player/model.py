@@ -34,7 +34,7 @@ from jaxdyn.scenes.corners import has_corners, phases_of
 from jaxdyn.symbolic.code import code
 from jaxdyn.symbolic.parameters import (
     Leaf,
-    description,
+    descriptions,
     leaves,
     parameters,
     rebuild,
@@ -512,9 +512,9 @@ def _groups(scene: Scene) -> dict:
 def _parameters(scene: Scene) -> list[dict]:
     """Name, label, value, unit and meaning of each parameter, and the size of its array."""
     found = [
-        {**description(scene, leaf.path)._asdict(), "of": leaf.value.size}
+        {**one._asdict(), "of": leaf.value.size}
         for leaf in leaves(scene.field)
-        for _ in range(leaf.value.size)
+        for one in descriptions(scene, leaf)
     ]
     known, words = parameters(scene), [_words(name) for name in _names(scene)]
     at = ((leaf, place) for leaf in leaves(scene.field) for place in places(leaf))

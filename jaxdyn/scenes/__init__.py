@@ -3,9 +3,9 @@
 `disks` has a disk that rolls, `cylinders` the scenes, events and phases of cylinders that roll,
 slip and fly, `walkers` mechanisms that walk down a slope, `impacts` driven bodies that hit
 something, `corners` the phases of all scenes whose motions have corners, `triangular_well`
-the Henon-Heiles model, `restricted` massless bodies in rotating frames. `catalogue`
-lists all scenes, `ready_made` has what their functions share, and `switching` exchanges coordinates
-that become singular during a motion.
+the Henon-Heiles model, `matrices` linear systems given by M, C and K, `restricted` massless bodies
+in rotating frames. `catalogue` lists all scenes, `ready_made` has what their functions share, and
+`switching` exchanges coordinates that become singular during a motion.
 
 May import: `mechanisms`, `effects`, `integrate`.
 

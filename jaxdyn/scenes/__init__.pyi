@@ -41,6 +41,7 @@ from .linkages import pinned_chain as pinned_chain
 from .linkages import rod_on_line as rod_on_line
 from .linkages import skate_chain as skate_chain
 from .lorenz_system import lorenz as lorenz
+from .matrices import linear_system as linear_system
 from .nbody import EIGHT as EIGHT
 from .nbody import EIGHT_GUESS as EIGHT_GUESS
 from .nbody import EIGHT_GUESS_PERIOD as EIGHT_GUESS_PERIOD

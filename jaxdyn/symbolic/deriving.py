@@ -20,6 +20,7 @@ from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.attitude import Quaternion
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.lagrange import Lagrange, Lagrangian
+from jaxdyn.formulations.linear import LinearSystem
 from jaxdyn.formulations.mechanism import (
     Mechanism,
     MechanismSystem,
@@ -61,6 +62,9 @@ from jaxdyn.symbolic.sections import Note
 from jaxdyn.symbolic.simplifying import simplify
 from jaxdyn.symbolic.symbols import Symbols, halves, symbols
 from jaxdyn.system import potential_energy, total_force
+
+#: Systems whose equations are Lagrange's.
+_BY_LAGRANGE = (NewtonEuler, Lagrange, Lagrangian, LinearSystem, Constrained, LagrangeSkates)
 
 
 class DerivedEquations(NamedTuple):
@@ -116,7 +120,7 @@ def derive(scene: Scene) -> DerivedEquations:
         return _newton(scene)
     if isinstance(system, NewtonEuler | Lagrange) and system.mechanism.opened_form():
         return _linkage(scene)
-    if isinstance(system, NewtonEuler | Lagrange | Lagrangian | Constrained | LagrangeSkates):
+    if isinstance(system, _BY_LAGRANGE):
         return _lagrange(scene)
     if isinstance(system, RigidBody):
         return _rigid(scene)
@@ -361,7 +365,9 @@ def _lagrangian(
         isinstance(e, UniformGravity) for e in scene.effects
     ):
         kinetic, potential, values = _of_body(scene, found)
-    elif isinstance(system, Lagrangian) and len(system.functions) == 2:
+    elif isinstance(system, LinearSystem) or (
+        isinstance(system, Lagrangian) and len(system.functions) == 2
+    ):
         kinetic, potential = _row(
             read(scene, found, lambda field, t, y: field.system.energies(t, y, ()))
         )

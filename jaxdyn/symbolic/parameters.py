@@ -86,16 +86,22 @@ class Description(NamedTuple):
     meaning: str
 
 
-def description(scene: Scene, path: tuple[str, ...]) -> Description:
-    """What is known of an array of parameters by its path; "" where nothing is.
+def descriptions(scene: Scene, leaf: Leaf) -> list[Description]:
+    """What is known of each entry of an array of parameters; "" where nothing is.
 
     The unit is that in the units of the scene.
+
+    Example:
+      >>> from jaxdyn import scenes
+      >>> scene = scenes.cart_pendulum()
+      >>> [one.meaning for one in descriptions(scene, leaves(scene.field)[0])]
+      ['mass of the cart', 'mass of the point']
     """
-    if "params" in path:  # of a function of the user, who knows
-        return Description("", "")
+    if "params" in leaf.path:  # of a function of the user, who knows
+        return [Description("", "")] * leaf.value.size
     owner: Any = scene.field
     unit = meaning = ""
-    for part in path:
+    for part in leaf.path:
         if eqx.is_array(owner):  # one of its entries, by a name
             break
         if part.startswith("["):
@@ -106,7 +112,21 @@ def description(scene: Scene, path: tuple[str, ...]) -> Description:
             unit, meaning = unit_of(type(owner), part), meaning_of(type(owner), part)
             owner = getattr(owner, part)
     one = _PLURAL.sub(lambda found: _ONE_OF[found[0]], meaning, count=1)
-    return Description("" if unit == "1" else scene.in_units(unit), one)
+    unit = "" if unit == "1" else scene.in_units(unit)
+    return [Description(unit, each) for each in _of_each(one, leaf.value.size)]
+
+
+def _of_each(meaning: str, n: int) -> list[str]:
+    """The meaning of each of n entries: "mass of A and of B" is that of two, in this order."""
+    first, *others = _OWNERS.split(meaning)
+    if len(others) + 1 != n:
+        return [meaning] * n
+    what = first.partition(" of ")[0]
+    return [first, *(f"{what} {of}" for of in others)]
+
+
+#: What is between the owners of the entries of an array, as in "mass of A, of B and of C".
+_OWNERS = re.compile(r"(?:,| and) (?=of )")
 
 
 #: What one entry of an array is called.

@@ -13,7 +13,7 @@ import numpy as np
 
 from jaxdyn.scene import Scene
 from jaxdyn.symbolic.algebra import Expression, Symbol, as_expression, number
-from jaxdyn.symbolic.parameters import Description, Leaf, description, leaves
+from jaxdyn.symbolic.parameters import Description, Leaf, descriptions, leaves
 
 GREEK = (
     *("alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa"),
@@ -56,6 +56,8 @@ _SPELLED = {
 _OF_EFFECTS = {"length": ("l", "0")}
 #: Fields whose entries are components along the axes.
 _VECTORS = frozenset({"anchor", "wind", "belt", "F", "end", "at"})
+#: Fields that are matrices, whose entries have the numbers of a row and a column.
+_MATRICES = frozenset({"M", "C", "K", "N"})
 #: Fields that are points; equal ones share a symbol.
 _FIXED_POINTS = frozenset({"anchor"})
 #: Order in a product, by stem: m g l, k x, G m_1 m_2.
@@ -180,7 +182,10 @@ def _parameters(
         several = counts[stem + index] > 1
         seen[stem + index] += 1
         order = str(seen[stem + index]) if several else ""
-        for place, value in zip(places(leaf), leaf.value.ravel().tolist(), strict=True):
+        each = zip(
+            places(leaf), leaf.value.ravel().tolist(), descriptions(scene, leaf), strict=True
+        )
+        for place, value, said in each:
             if value == 0 or leaf.is_fixed:
                 found.append(number(value))
                 continue
@@ -196,7 +201,7 @@ def _parameters(
             found.append(as_expression(symbol))
             values[symbol] = value
             names[symbol] = f"{'.'.join(leaf.path)}{place}"
-            described[symbol] = description(scene, leaf.path)
+            described[symbol] = said
     return tuple(found), values, names, described
 
 
@@ -244,8 +249,9 @@ def places(leaf: Leaf) -> Iterable[str]:
         return [""]
     if len(shape) == 1:
         return [axes[i] if axes else str(i + 1) for i in range(shape[0])]
-    if len(shape) > 2:
-        return [",".join(str(i + 1) for i in at) for at in np.ndindex(shape)]
+    if len(shape) > 2 or field in _MATRICES:
+        comma = "," if max(shape) > 9 or len(shape) > 2 else ""
+        return [comma.join(str(i + 1) for i in at) for at in np.ndindex(*shape)]
     count, width = map(int, shape)
     rows = [str(i + 1) if count > 1 else "" for i in range(count)]
     return [f"{row}{axes[j] if width <= 3 else j + 1}" for row in rows for j in range(width)]

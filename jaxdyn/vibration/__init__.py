@@ -4,8 +4,8 @@
 transfer functions from an input to an output and the frequency response functions that engineers
 name: receptance, mobility, accelerance, transmissibility. `inputs` has the ways to act on a scene
 (a force, a moving base, a parameter) and the measured quantities, `signals` the dependence on time
-(a sine, a step, a pulse, a sweep, a table); `forcing` makes a scene with an input, for all
-functions that take a scene. The nonlinear responses of such a scene over frequency are
+(a sine, a step, a pulse, a sweep, an imbalance, a table); `forcing` makes a scene with an input,
+for all functions that take a scene. The nonlinear responses of such a scene over frequency are
 `orbits.frequency_response`.
 
 May import: `analysis`, `effects`.
@@ -18,7 +18,7 @@ import jaxdyn._doors
 from jaxdyn.vibration.forcing import drive, strike
 from jaxdyn.vibration.inputs import Base, Force, Input, Motion, Parameter
 from jaxdyn.vibration.natural import NaturalModes, modes
-from jaxdyn.vibration.signals import Harmonic, Pulse, Signal, Step, Sweep, Table
+from jaxdyn.vibration.signals import Harmonic, Imbalance, Pulse, Signal, Step, Sweep, Table
 from jaxdyn.vibration.transfer import (
     TransferFunction,
     accelerance,
@@ -32,6 +32,7 @@ __all__ = [
     "Base",
     "Force",
     "Harmonic",
+    "Imbalance",
     "Input",
     "Motion",
     "NaturalModes",

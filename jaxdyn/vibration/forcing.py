@@ -67,7 +67,8 @@ def drive(scene: Scene, input: str | Input, signal: Signal, t1=None) -> Scene:
       input: where it acts: the name of a coordinate for a force on it (in a plain `ode`, whose
         masses are not known, a force per mass), or `vibration.Force`, `Base`, `Motion` or
         `Parameter`.
-      signal: how it changes in time: `vibration.Harmonic`, `Step`, `Pulse`, `Sweep`, `Table`.
+      signal: how it changes in time: `vibration.Harmonic`, `Step`, `Pulse`, `Sweep`, `Imbalance`,
+        `Table`.
       t1: () time span; that of the scene by default.
     Returns:
       The same scene with the input. `jax.grad` and `jax.vmap` apply to its parameters and to those

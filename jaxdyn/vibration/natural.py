@@ -48,7 +48,11 @@ class NaturalModes:
 
     @property
     def frequencies(self) -> Array:
-        """(m,) natural angular frequencies |eigenvalue| [rad/s]."""
+        """(m,) natural angular frequencies |eigenvalue| [rad/s].
+
+        A real eigenvalue has no frequency; here, as in MATLAB's ``damp``, is its size, with the
+        damping ratio 1 or -1. See `growth_rates`.
+        """
         return jnp.abs(self.eigenvalues)
 
     @property
@@ -61,6 +65,11 @@ class NaturalModes:
         """(m,) damping ratios [1]; negative if a mode grows, NaN at frequency 0."""
         w = self.frequencies
         return nan_unless(w > 0, -jnp.real(self.eigenvalues) / jnp.where(w > 0, w, 1.0))
+
+    @property
+    def growth_rates(self) -> Array:
+        """(m,) rates at which amplitudes grow, the real parts of the eigenvalues [1/s]."""
+        return jnp.real(self.eigenvalues)
 
     @property
     def shapes(self) -> Array:
@@ -91,24 +100,29 @@ class NaturalModes:
 
     @_text.never_raising
     def __repr__(self) -> str:
-        names = [name for name, _ in self.labels]
+        names, time = [name for name, _ in self.labels], _text.second(self.labels)
         rows = []
-        found = zip(self.frequencies, self.damping_ratios, self.shapes.T, strict=True)
-        for number, (w, ratio, shape) in enumerate(found, start=1):
+        found = zip(np.asarray(self.eigenvalues), self.shapes.T, strict=True)
+        for number, (value, shape) in enumerate(found, start=1):
             real = float(np.abs(np.imag(shape)).max()) < _REAL
             entries = (
                 f"{name} {_entry(complex(x), real)}"
                 for name, x in zip(names, np.asarray(shape), strict=False)
             )
-            text = f"{_text.brief(float(w), self._unit)}, damping ratio {_text.brief(float(ratio))}"
-            rows.append((f"mode {number}", f"{text}: {', '.join(entries)}"))
+            rows.append((f"mode {number}", f"{_said(value, time)}: {', '.join(entries)}"))
         return _text.table("Natural modes", rows)
 
     _repr_html_ = _text.html
 
-    @property
-    def _unit(self) -> str:
-        return _text.rad_per_second(self.labels)
+
+def _said(value: complex, time: str) -> str:
+    """An eigenvalue as a frequency and a damping ratio; a real one as a rate."""
+    if value.imag == 0 and value.real != 0:
+        rate = _text.brief(abs(float(value.real)), f"1/{time}" if time else "")
+        return f"no oscillation, {'grows' if value.real > 0 else 'decays'} at {rate}"
+    w = abs(value)
+    text = _text.frequency(float(w), time)
+    return f"{text}, damping ratio {_text.brief(float(-value.real / w + 0.0))}" if w else text
 
 
 def _entry(x: complex, real: bool) -> str:
@@ -141,7 +155,7 @@ def modes(scene: Scene, y=None, t=0.0) -> NaturalModes:
       >>> found = vibration.modes(scenes.oscillator(k=9.0, m=1.0, c=0.6, x=0.0))
       >>> print(found)
       Natural modes
-        mode 1  3 rad/s, damping ratio 0.1: x 1
+        mode 1  3 rad/s (0.477465 Hz), damping ratio 0.1: x 1
     """
     check_scene(scene)
     y = _checks.array("y", scene.y0 if y is None else y, scene.y0.shape)

@@ -90,6 +90,46 @@ class Sweep(Signal):
         _checks.positive("Sweep.duration", self.duration, "It is a time.")
 
 
+class Imbalance(Signal):
+    """The force of a rotating imbalance along an axis, while a rotor runs up to its speed.
+
+    The rotor turns by an angle theta, and its angular frequency omega goes linearly from low to
+    high in a duration, then stays: the force is U (omega^2 cos theta + omega' sin theta), with
+    U = mass times eccentricity. The phase is the angle of the axis: pi / 2 for y, if x has 0.
+
+    Attributes:
+      moment: () U [kg m].
+      low: () angular frequency at time 0 [rad/s].
+      high: () angular frequency from the end of the duration on [rad/s].
+      duration: () of the run-up [s].
+      phase: () angle of the axis, from the direction of the imbalance at time 0 [rad].
+    """
+
+    moment: Array = eqx.field(converter=as_float)
+    low: Array = eqx.field(converter=as_float)
+    high: Array = eqx.field(converter=as_float)
+    duration: Array = eqx.field(converter=as_float)
+    phase: Array = eqx.field(converter=as_float, default=0.0)
+    jumps: ClassVar[bool] = True  # omega' does
+
+    def __call__(self, t):
+        rate = (self.high - self.low) / self.duration
+        running = jnp.minimum(t, self.duration)
+        theta = (self.low + 0.5 * rate * running) * running + self.high * (t - running)
+        turned = theta - self.phase
+        faster = jnp.where(t < self.duration, rate, 0.0)
+        force = self.omega(t) ** 2 * jnp.cos(turned) + faster * jnp.sin(turned)
+        return self.moment * force
+
+    def omega(self, t: Array) -> Array:
+        """() the angular frequency of the rotor at time t () [rad/s]."""
+        running = jnp.minimum(t, self.duration)
+        return self.low + (self.high - self.low) * running / self.duration
+
+    def check(self):
+        _checks.positive("Imbalance.duration", self.duration, "It is a time.")
+
+
 def _column(name: str) -> Callable[[Any], Array]:
     """A converter of a column of numbers."""
     return functools.partial(

@@ -92,32 +92,29 @@ class TransferFunction(Record):
         of = f"{_grouped(of)}/{self.time}{power}" if self.order else of
         return f"{_grouped(of)}/{_grouped(on)}"
 
-    @property
-    def frequency(self) -> str:
-        """What the frequency is called, with its unit."""
-        return _text.with_unit("frequency", f"rad/{self.time}" if self.time else "")
-
-    def table(self, omega) -> Labelled:
-        """The magnitudes and phases at angular frequencies omega (s,) [rad/s], with their names."""
+    def table(self, omega, *, hertz: bool = False) -> Labelled:
+        """The magnitudes and phases at angular frequencies, with their names; see `to_pandas`."""
         omega = np.asarray(_checks.array("omega", omega, (None,)))
         values = np.asarray(self.at(omega)).reshape(len(omega), -1)
         numbers = [""] if values.shape[1] == 1 else [f" {i}" for i in range(values.shape[1])]
-        axes, found = ("omega",), {}
+        scale, unit = _text.frequency_scale(self.time, hertz=hertz)
+        axis = "frequency" if hertz else "omega"
+        axes, found = (axis,), {}
         for i, number in enumerate(numbers):
             found[self.name + number] = Values(axes, np.abs(values[:, i]), self.unit)
             found[f"phase{number}"] = Values(axes, np.angle(values[:, i]), "rad")
-        unit = f"rad/{self.time}" if self.time else ""
-        return Labelled({"omega": Values(axes, omega, unit)}, found)
+        return Labelled({axis: Values(axes, scale * omega, unit)}, found)
 
-    def to_pandas(self, omega) -> Any:
+    def to_pandas(self, omega, *, hertz: bool = False) -> Any:
         """The magnitudes and phases at angular frequencies as a pandas DataFrame.
 
         Args:
           omega: (s,) angular frequencies [rad/s].
+          hertz: whether the index has the frequencies in Hz, or in turns per unit of time.
         Raises:
           ValueError: pandas is not installed.
         """
-        return frame(self.table(omega))
+        return frame(self.table(omega, hertz=hertz))
 
     @property
     def poles(self) -> Array:

@@ -10,10 +10,11 @@ from rich.table import Table
 
 import jaxdyn
 import orbits
-from jaxdyn._text import brief, choice, rad_per_second
+from jaxdyn._text import brief, choice, frequency_scale, second, with_unit
 from jaxdyn.cli.docstrings import scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
+    HertzOption,
     JsonOption,
     PlotOption,
     SceneArgument,
@@ -24,6 +25,7 @@ from jaxdyn.cli.shared import (
     output_option,
 )
 from jaxdyn.cli.vibration import NearOption, at_equilibrium
+from jaxdyn.continuation.branch import bounds_reason
 from jaxdyn.files.output_files import table_path
 from orbits.cli.shared import bounds, numbers
 
@@ -36,7 +38,7 @@ CsvOption = Annotated[Path | None, output_option(table_path, "Write a table of i
 def response_command(
     name: SceneArgument,
     drive: Annotated[str, typer.Option(metavar="NAME", help="Coordinate on which the force acts.")],
-    within: Annotated[str, typer.Option(metavar="A,B", help="Angular frequencies of the force.")],
+    within: Annotated[str, typer.Option(metavar="A,B", help="Frequencies of the force [rad/s].")],
     settings: SetOption = None,
     levels: Annotated[
         str, typer.Option(metavar="A,B,..", help="Amplitudes of the force, one for each curve.")
@@ -49,6 +51,7 @@ def response_command(
     step: Annotated[float, number("Length of the first step.")] = 0.1,
     plot: PlotOption = None,
     csv: CsvOption = None,
+    hertz: HertzOption = False,
     title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
@@ -57,7 +60,7 @@ def response_command(
     The force is A cos(omega t), for each amplitude A; amplitude and phase are those of --output.
     """
     check_title(title, plot)
-    low, high = bounds("--within", within)
+    low, high = _angular(bounds("--within", within), hertz)
     amplitudes = numbers("--levels", levels)
     with screen(f"following the responses of {name}", as_object) as out:
         scene = _scene(name, settings, start, output)
@@ -68,16 +71,18 @@ def response_command(
             levels=amplitudes,
             isolas=isolas,
             step=step,
-            report=_reporter(out),
+            report=_reporter(out, hertz),
         )
         if as_object:
-            out.result({"scene": name} | _columns(found.table(output)))
+            out.result({"scene": name} | _columns(found.table(output, hertz=hertz)))
         else:
-            _print_response(found, output, out)
-        _write(found.table(output) if csv else None, csv, out)
+            _print_response(found, output, out, hertz)
+        _write(found.table(output, hertz=hertz) if csv else None, csv, out)
         if plot:
             with out.writing(plot, "drawn in"):
-                orbits.drawing.frequency_response(found, plot, output=output, title=title)
+                orbits.drawing.frequency_response(
+                    found, plot, output=output, hertz=hertz, title=title
+                )
 
 
 def backbone_command(
@@ -86,7 +91,7 @@ def backbone_command(
     mode: Annotated[int, typer.Option(help="Number of the linear mode; the slowest is 1.")] = 1,
     energy: Annotated[float, number("Largest energy above that of the equilibrium.")] = math.inf,
     within: Annotated[
-        str | None, typer.Option(metavar="A,B", help="Bounds on the angular frequency.")
+        str | None, typer.Option(metavar="A,B", help="Bounds on the frequency [rad/s].")
     ] = None,
     start: NearOption = None,
     output: OutputOption = None,
@@ -94,6 +99,7 @@ def backbone_command(
     step: Annotated[float, number("Length of the first step.")] = 0.05,
     plot: PlotOption = None,
     csv: CsvOption = None,
+    hertz: HertzOption = False,
     title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
@@ -103,7 +109,7 @@ def backbone_command(
     frequency.
     """
     check_title(title, plot)
-    frequencies = bounds("--within", within)
+    frequencies = _angular(bounds("--within", within), hertz)
     with screen(f"following mode {mode} of {name}", as_object) as out:
         scene = _scene(name, settings, start, output)
         found = orbits.backbone(
@@ -113,9 +119,9 @@ def backbone_command(
             frequencies=frequencies,
             members=members,
             step=step,
-            report=_reporter(out),
+            report=_reporter(out, hertz),
         )
-        table = found.table()
+        table = found.table(hertz=hertz)
         if as_object:
             out.result({"scene": name, "mode": mode} | _columns(table))
         else:
@@ -123,7 +129,7 @@ def backbone_command(
         _write(table, csv, out)
         if plot:
             with out.writing(plot, "drawn in"):
-                orbits.drawing.backbone(found, plot, output=output, title=title)
+                orbits.drawing.backbone(found, plot, output=output, hertz=hertz, title=title)
 
 
 def _scene(name: str, settings, start: str | None, output: str | None) -> "jaxdyn.Scene":
@@ -135,31 +141,45 @@ def _scene(name: str, settings, start: str | None, output: str | None) -> "jaxdy
     return scene
 
 
-def _reporter(out: Screen):
+def _angular(within: tuple[float, float], hertz: bool) -> tuple[float, float]:
+    """Bounds on an angular frequency, from those that were given."""
+    scale, _ = frequency_scale("s", hertz=hertz)
+    return within[0] / scale, within[1] / scale
+
+
+def _reporter(out: Screen, hertz: bool):
     def report(member) -> None:
-        unit = rad_per_second(member.orbit.scene.labels())
-        frequency = brief(2 * math.pi / member.orbit.period, unit)
+        scale, unit = frequency_scale(second(member.orbit.scene.labels()), hertz=hertz)
+        frequency = brief(scale * 2 * math.pi / member.orbit.period, unit)
         out.show_task(f"at {frequency}, {member.stability.verdict}")
 
     return report
 
 
-def _print_response(found: "orbits.responses.FrequencyResponse", output, out: Screen) -> None:
+def _print_response(
+    found: "orbits.responses.FrequencyResponse", output, out: Screen, hertz: bool
+) -> None:
     """Print the special points of each curve, and its peak."""
     of = orbits.analysis.quantities.amplitude
     output = output or found.output
-    table = Table("level", "", "frequency", f"amplitude {escape(output)}")
+    labels = found.curves[0].members[0].orbit.scene.labels()
+    scale, unit = frequency_scale(second(labels), hertz=hertz)
+    names = (with_unit("frequency", unit), with_unit(f"amplitude {output}", dict(labels)[output]))
+    table = Table("level", "", *map(escape, names))
     peaks = found.peaks(output)
     for level, curve, peak in zip(found.levels, found.curves, peaks, strict=True):
         rows = [("peak", peak), *((str(m.kind), m) for m in curve.special)]
         for what, member in rows:
             amplitude = brief(of(member.orbit, output))
-            table.add_row(brief(level), what, brief(member.parameter, digits=6), amplitude)
+            table.add_row(brief(level), what, brief(scale * member.parameter, digits=6), amplitude)
     out.print(table)
     for level, curve in zip(found.levels, found.curves, strict=True):
         unstable = sum(m.stability.verdict == "unstable" for m in curve.members)
         text = f"level {brief(level)}: {len(curve.members)} responses, {unstable} unstable"
-        out.print(f"{text}; the end: {escape(curve.end)}")
+        within = tuple(scale * w for w in found.frequencies)
+        bounds = bounds_reason(within, f"on the frequency [{unit}], " if unit else "")
+        end = curve.end.replace(bounds_reason(found.frequencies), bounds)
+        out.print(f"{text}; the end: {escape(end)}")
 
 
 def _columns(table) -> dict:

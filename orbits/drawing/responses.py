@@ -41,6 +41,7 @@ def frequency_response(
     *,
     output: Output | None = None,
     backbone: Backbone | None = None,
+    hertz: bool = False,
     title: str | None = None,
 ) -> Figure:
     """A picture of response curves: amplitude and phase over the forcing frequency.
@@ -53,6 +54,7 @@ def frequency_response(
       output: the name of an entry of the state, or a function (t, y) -> (); by default that of the
         result.
       backbone: result of `orbits.backbone`, drawn through the curves.
+      hertz: whether frequencies are in Hz, or in turns per unit of time, not in rad/s.
       title: its title; the scene by default, "" for none.
     Raises:
       ValueError: `path` cannot be written, or there is no such output.
@@ -63,6 +65,7 @@ def frequency_response(
     figure = blank(_WIDTH, 6.0)
     axes: Any = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     kinds: dict[str, Any] = {}
+    scale, frequency = _frequency(scene, hertz)
     many = list(dict.fromkeys(found.levels))
     colours = dict(zip(many, shades(len(many)), strict=True))
     for level, curve in zip(found.levels, found.curves, strict=True):
@@ -72,15 +75,16 @@ def frequency_response(
             places = _places(curve, lambda m, of=of: of(m.orbit, output))
             if of is phase:
                 places = _unwrap(curve, places)
+            places = {key: (scale * w, height) for key, (w, height) in places.items()}
             _curve(ax, curve, places, colour, name, kinds)
     if backbone is not None:
-        line = list(zip(backbone.frequencies, backbone.amplitudes(output), strict=True))
+        line = list(zip(scale * backbone.frequencies, backbone.amplitudes(output), strict=True))
         top = axes[0].get_ylim()[1]
         axes[0].plot(*smooth(axes[0], [line])[0].T, color=INK, lw=1.2, ls="-.", label="backbone")
         axes[0].set_ylim(top=top)
-    axes[0].set(ylabel=f"amplitude {label}", xlim=found.frequencies)
+    axes[0].set(ylabel=f"amplitude {label}", xlim=scale * np.array(found.frequencies))
     axes[0].set_ylim(bottom=0.0)
-    axes[1].set(xlabel=_frequency(scene), ylabel="phase lag [rad]")
+    axes[1].set(xlabel=frequency, ylabel="phase lag [rad]")
     axes[1].set_yticks([0.0, math.pi / 2, math.pi], ["0", "pi/2", "pi"])
     axes[0].set_title(_title(title, scene), fontsize=10)
     for ax in axes:
@@ -96,6 +100,7 @@ def backbone(
     *,
     against: str | None = None,
     output: Output | None = None,
+    hertz: bool = False,
     title: str | None = None,
 ) -> Figure:
     """A picture of backbone curves: frequency over energy, or amplitude over frequency.
@@ -110,6 +115,7 @@ def backbone(
         the amplitude over the frequency, as response curves are drawn. By default the latter if
         there is an output, or no energy.
       output: the output whose amplitude is drawn; see `frequency_response`.
+      hertz: see `frequency_response`.
       title: its title; the scene by default, "" for none.
     Raises:
       ValueError: `path` cannot be written, the scene has no energy, or there is no such output.
@@ -122,9 +128,10 @@ def backbone(
     if against == "energy" and not scene.has_energy:
         raise fail("against", "amplitude, in a scene without an energy", against)
     output, label = _output(output, scene)
+    scale, name = _frequency(scene, hertz)
 
     def place(member: Member, rest: float) -> tuple[float, float]:
-        frequency = 2 * math.pi / member.orbit.period
+        frequency = scale * 2 * math.pi / member.orbit.period
         if against == "energy":
             return member.energy - rest, frequency
         return frequency, amplitude(member.orbit, output)
@@ -133,9 +140,9 @@ def backbone(
     ax: Any = figure.add_subplot()
     if against == "energy":
         energy = _text.with_unit("energy", scene.in_units("J"))
-        ax.set(xscale="log", xlabel=energy, ylabel=_frequency(scene))
+        ax.set(xscale="log", xlabel=energy, ylabel=name)
     else:
-        ax.set(xlabel=_frequency(scene), ylabel=f"amplitude {label}")
+        ax.set(xlabel=name, ylabel=f"amplitude {label}")
     kinds: dict[str, Any] = {}
     for one, colour in zip(many, itertools.cycle(PALETTE), strict=False):
         places = {id(m): place(m, one.rest) for m in (*one.family.members, *one.family.special)}
@@ -194,5 +201,7 @@ def _title(title: str | None, scene: Scene) -> str:
     return readable(_text.title_of(scene) if title is None else title)
 
 
-def _frequency(scene: Scene) -> str:
-    return _text.with_unit("frequency", _text.rad_per_second(scene.labels()))
+def _frequency(scene: Scene, hertz: bool) -> tuple[float, str]:
+    """What angular frequencies are multiplied by, and what the result is called."""
+    scale, unit = _text.frequency_scale(_text.second(scene.labels()), hertz=hertz)
+    return scale, _text.with_unit("frequency", unit)

@@ -11,6 +11,7 @@ Systems and Signal Processing 23, 170.
 import dataclasses
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -56,14 +57,13 @@ class Backbone:
     @_text.never_raising
     def __repr__(self) -> str:
         scene = self.family.members[0].orbit.scene
-        unit = _text.rad_per_second(scene.labels())
-        first, last = (float(self.frequencies[i]) for i in (0, -1))
-        ends = f"{_text.brief(first, unit)} to {_text.brief(last, unit)}"
+        time = _text.second(scene.labels())
+        ends = " to ".join(_text.frequency(float(self.frequencies[i]), time) for i in (0, -1))
         special = [
             f"{m.kind} at {_text.brief(2 * math.pi / m.orbit.period)}" for m in self.family.special
         ]
         rows = [
-            ("linear", _text.brief(float(self.linear[self.mode - 1]), unit)),
+            ("linear", _text.frequency(float(self.linear[self.mode - 1]), time)),
             ("frequency", f"{ends}, {_text.number_of(len(self.family.members), 'vibration')}"),
             ("special", ", ".join(special)),
             ("resonances", ", ".join(map(repr, self.resonances))),
@@ -77,8 +77,21 @@ class Backbone:
 
         return responses.backbone(self, title="")
 
-    to_pandas = _labelled.to_pandas
-    to_xarray = _labelled.to_xarray
+    def to_pandas(self, *, hertz: bool = False) -> Any:
+        """The `table` as a pandas DataFrame; ``frame.attrs["units"]`` has the units.
+
+        Raises:
+          ValueError: pandas is not installed.
+        """
+        return _labelled.frame(self.table(hertz=hertz))
+
+    def to_xarray(self, *, hertz: bool = False) -> Any:
+        """The `table` as an xarray Dataset; ``attrs["units"]`` of each variable has its unit.
+
+        Raises:
+          ValueError: xarray is not installed.
+        """
+        return _labelled.to_dataset(self.table(hertz=hertz))
 
     @property
     def frequencies(self) -> np.ndarray:
@@ -100,14 +113,19 @@ class Backbone:
         own = self.linear[self.mode - 1]
         return ratios(self.family, np.delete(self.linear, self.mode - 1) / own)
 
-    def table(self) -> Labelled:
-        """A row for each vibration: frequency, energy above the equilibrium, amplitudes."""
+    def table(self, *, hertz: bool = False) -> Labelled:
+        """A row for each vibration: frequency, energy above the equilibrium, amplitudes.
+
+        Args:
+          hertz: whether frequencies are in Hz, or in turns per unit of time, not in rad/s.
+        """
         members, axes = self.family.members, ("vibration",)
         scene = members[0].orbit.scene
         labels = scene.labels()
         coordinates = labels[: len(labels) // 2]
+        scale, unit = _text.frequency_scale(_text.second(labels), hertz=hertz)
         named = {
-            "frequency": Values(axes, self.frequencies, _text.rad_per_second(labels) or "1"),
+            "frequency": Values(axes, scale * self.frequencies, unit or "1"),
             "energy": Values(axes, self.energies, scene.in_units("J") or "1"),
             "verdict": Values(axes, [m.stability.verdict for m in members]),
         }
@@ -116,9 +134,6 @@ class Backbone:
             for name, unit in coordinates
         }
         return Labelled({}, named)
-
-    def _to_labelled(self) -> Labelled:
-        return self.table()
 
 
 @check_first

@@ -11,6 +11,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -87,8 +88,21 @@ class FrequencyResponse:
 
         return responses.frequency_response(self, title="")
 
-    to_pandas = _labelled.to_pandas
-    to_xarray = _labelled.to_xarray
+    def to_pandas(self, output: Output | None = None, *, hertz: bool = False) -> Any:
+        """The `table` as a pandas DataFrame; ``frame.attrs["units"]`` has the units.
+
+        Raises:
+          ValueError: there is no such output, or pandas is not installed.
+        """
+        return _labelled.frame(self.table(output, hertz=hertz))
+
+    def to_xarray(self, output: Output | None = None, *, hertz: bool = False) -> Any:
+        """The `table` as an xarray Dataset; ``attrs["units"]`` of each variable has its unit.
+
+        Raises:
+          ValueError: there is no such output, or xarray is not installed.
+        """
+        return _labelled.to_dataset(self.table(output, hertz=hertz))
 
     @property
     def folds(self) -> tuple[tuple[Member, ...], ...]:
@@ -108,24 +122,26 @@ class FrequencyResponse:
         """
         return tuple(_peak(curve, output or self.output) for curve in self.curves)
 
-    def table(self, output: Output | None = None) -> Labelled:
+    def table(self, output: Output | None = None, *, hertz: bool = False) -> Labelled:
         """A row for each response and each special point, in order along each curve.
 
-        The columns are level, angular frequency, amplitude and phase lag [rad] of an output,
+        The columns are level, frequency [rad/s], amplitude and phase lag [rad] of an output,
         verdict, and the kind of special points.
 
         Args:
           output: the name of an entry of the state, or a function (t, y) -> (); by default that
             of the result.
+          hertz: whether frequencies are in Hz, or in turns per unit of time.
         Raises:
           ValueError: there is no such output.
         """
         labels = dict(self.curves[0].members[0].orbit.scene.labels())
         output = output or self.output
+        scale, frequency = _text.frequency_scale(_text.second([*labels.items()]), hertz=hertz)
         rows = [
             (
                 level,
-                member.parameter,
+                scale * member.parameter,
                 amplitude(member.orbit, output),
                 phase(member.orbit, output),
                 member.stability.verdict,
@@ -135,8 +151,7 @@ class FrequencyResponse:
             for member in in_order(curve)
         ]
         unit = labels.get(output, "1") if isinstance(output, str) else "1"
-        frequency = _text.rad_per_second(tuple(labels.items())) or "1"
-        units = {"level": "", "frequency": frequency, "amplitude": unit, "phase": "rad"}
+        units = {"level": "", "frequency": frequency or "1", "amplitude": unit, "phase": "rad"}
         units |= {"verdict": "", "kind": ""}
         columns = zip(*rows, strict=True)
         named = {
@@ -144,9 +159,6 @@ class FrequencyResponse:
             for name, column in zip(units, columns, strict=True)
         }
         return Labelled({}, named)
-
-    def _to_labelled(self) -> Labelled:
-        return self.table()
 
 
 def _peak(curve: Family, output: Output) -> Member:

@@ -79,6 +79,14 @@ def test_words_of_the_field_find_scenes(jaxdyn):
         ("suspension", "23_vibrations.md"),
         ("sensitivity", "27_designs.md"),
         ("derivatives", "27_designs.md"),
+        ("wind", "QuadraticDrag"),
+        ("wind", "orbits aim"),
+        ("drag", "orbits aim"),
+        ("elastic", "spring_mass"),
+        ("imbalance", "23_vibrations.md"),
+        ("Hz", "23_vibrations.md"),
+        ("matrix", "23_vibrations.md"),
+        ("matrices", "linear_system"),
     ],
 )
 def test_words_of_the_field_find_guides_problems_and_words(jaxdyn, word, shown):
@@ -86,6 +94,13 @@ def test_words_of_the_field_find_guides_problems_and_words(jaxdyn, word, shown):
     assert code == 0
     assert shown in out
     assert "dumbbell" not in out
+
+
+def test_a_word_is_not_found_inside_another_one(jaxdyn):
+    code, out, _ = jaxdyn("list", "range")
+    assert code == 0
+    assert "orbits aim" in out
+    assert "02_formulations.md" not in out  # which is about "Lagrange"
 
 
 def test_many_scenes_of_a_word_are_listed_without_their_numbers(jaxdyn):
@@ -246,7 +261,11 @@ MISUSE = [
     (["run", "cannonball", "--at", "2"], "--at: expected --free-body with it"),
     (["accuracy", "cannonball", "--title", "A"], "--title: expected --plot with it"),
     (["run", "cannonball", "--seconds", "2"], "--seconds: expected --animate with it"),
-    (["list", "canonball"], "scene: expected one that `jaxdyn list` shows, got 'canonball'"),
+    (["list", "canonball"], "problem mentions, got 'canonball'. Did you mean 'cannonball'?"),
+    (
+        ["list", "xyzzy"],
+        "list: expected a scene, or a word that a scene, effect, guide, command or",
+    ),
     (["list", "--problems", "car"], "--problems: expected no scene beside it"),
     (["run", "car", "--solver", "nystrom12"], "solver: expected one for forces that may"),
     (["run", "cannonball", "--samples", "10000000"], "samples: expected at most 1000000"),

@@ -3,6 +3,7 @@
 import csv
 import functools
 import json
+import re
 
 import numpy as np
 import pytest
@@ -25,7 +26,10 @@ def test_modes_about_the_equilibrium_near_the_start(vibration):
     code, out, _ = vibration("pendulum", "--start", "3,0")
     assert code == 0
     assert "theta = 3.14159" in out  # it falls: a real eigenvalue of either sign
-    assert "-1" in out
+    assert "growth rate" in out
+    assert f"-{np.sqrt(9.81):.5f}" in out
+    assert "rad/s" in out.partition("damping")[0]
+    assert len(re.findall(r"│ [12] +│ +│ +│ +│ -?3\.13209 +│ 1 +│", out)) == 2
 
 
 def test_a_response_is_drawn_and_written(vibration, tmp_path):
@@ -41,6 +45,22 @@ def test_a_response_is_drawn_and_written(vibration, tmp_path):
     omega, size, phase = np.array(rows, float).T
     assert_allclose(omega, np.geomspace(1, 3, 5), rtol=1e-12)
     assert_allclose(size * np.exp(1j * phase), 1 / (4 - omega**2 + 0.4j * omega), rtol=1e-12)
+
+
+def test_hertz_is_the_unit_of_all_frequencies(vibration, tmp_path):
+    table = tmp_path / "response.csv"
+    words = ("--set", "k=4", "--set", "c=0.4", "--input", "x", "--samples", 2, "--csv", table)
+    code, out, _ = vibration("oscillator", *words, "--within", "0.1,0.5", "--hertz")
+    assert code == 0
+    assert f"at {np.sqrt(4 - 0.4**2 / 2) / (2 * np.pi):.4f}" in out
+    assert "0.31831" in out  # beside the 2 rad/s of the mode
+    with open(table, encoding="utf-8") as file:
+        head, *rows = csv.reader(file)
+    assert head[0] == "frequency [Hz]"
+    frequency, size, _ = np.array(rows, float).T
+    assert_allclose(frequency, [0.1, 0.5], rtol=1e-12)
+    w = 2 * np.pi * frequency
+    assert_allclose(size, np.abs(1 / (4 - w**2 + 0.4j * w)), rtol=1e-12)
 
 
 def test_the_largest_response_is_that_of_a_narrow_resonance(vibration):

@@ -480,6 +480,8 @@ def test_parameters_have_their_units_and_meanings():
     assert (found["l"]["unit"], found["l"]["meaning"]) == ("m", "length")
     (own,) = _parameters(jaxdyn.ode(lambda t, y, p: [-p * y[0]], [1.0], params=2.0))
     assert (own["unit"], own["meaning"]) == ("", "")
+    cart = {one["name"]: one["meaning"] for one in _parameters(scenes.cart_pendulum())}
+    assert (cart["m[0]"], cart["m[1]"]) == ("mass of the cart", "mass of the point")
 
 
 @pytest.mark.parametrize(

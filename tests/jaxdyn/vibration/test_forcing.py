@@ -2,6 +2,7 @@
 
 import jax
 import jax.numpy as jnp
+import mpmath
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -57,6 +58,39 @@ def test_a_sweep_and_a_moving_base_agree_with_another_integrator():
 
     run = solve_ivp(rate, (0, 20), [0, 0], "DOP853", rtol=1e-12, atol=1e-13)
     assert_allclose(motion.ys[-1], run.y[:, -1], atol=1e-10)
+
+
+def test_an_imbalance_that_runs_up_has_the_integral_of_duhamel():
+    """Past the end of the run-up; by parts, since the force is the rate of the rate of g."""
+    moment, low, high, duration, phase, t = 0.3, 0.2, 4.0, 6.0, 0.7, 8.0
+    signal = vibration.Imbalance(moment, low, high, duration, phase)
+    motion = jaxdyn.simulate(vibration.drive(one(), "x", signal), t, rtol=1e-12)
+
+    def g(t):
+        angle = low * t + (high - low) * t**2 / 12 if t < 6 else 12.6 + high * (t - 6)
+        return -moment * mpmath.cos(angle - phase)
+
+    def kernel(t):
+        return mpmath.exp(-DECAY * t) * mpmath.sin(W * t) / (M * W)
+
+    def rate(t):
+        return mpmath.exp(-DECAY * t) * mpmath.cos(W * t) / M - DECAY * kernel(t)
+
+    def bent(s):
+        return -g(s) * (C * rate(t - s) + K * kernel(t - s)) / M
+
+    ends = g(t) / M - g(0) * rate(t) + moment * low * np.sin(phase) * kernel(t)
+    known = mpmath.quad(bent, range(0, 9, 2)) + ends
+    assert abs(float(known) - float(motion["x"][-1])) < 1e-11
+
+
+def test_an_imbalance_at_constant_speed_grows_with_its_square():
+    omega = np.array([1.0, 3.0])
+    for w in omega:
+        signal = vibration.Imbalance(0.5, w, w, 1.0)
+        t = np.linspace(0.0, 3.0, 7)
+        assert_allclose(jax.vmap(signal)(t), 0.5 * w**2 * np.cos(w * t), atol=1e-14)
+        assert_allclose(signal.omega(2.0), w)
 
 
 def road():
@@ -135,6 +169,10 @@ def test_a_step_moves_a_base_without_a_damper():
         (
             lambda: vibration.drive(one(), "x", vibration.Sweep(1.0, 1.0, 2.0, 0.0)),
             "Sweep.duration: expected > 0",
+        ),
+        (
+            lambda: vibration.drive(one(), "x", vibration.Imbalance(1.0, 1.0, 2.0, 0.0)),
+            "Imbalance.duration: expected > 0",
         ),
         (
             lambda: vibration.drive(one(), "x", vibration.Table([0.0, 0.0], [1.0, 2.0])),

@@ -36,7 +36,7 @@ def test_a_damped_oscillator_has_its_frequency_ratio_and_matrices():
     assert_allclose(found.damped_frequencies, np.sqrt(K / M * (1 - ratio**2)), rtol=1e-14)
     matrices = (found.mass, found.damping, found.stiffness)
     assert_allclose(np.ravel(matrices), [M, C, K], rtol=1e-15)
-    assert "2.12132 rad/s, damping ratio 0.0707107: x 1" in repr(found)
+    assert "2.12132 rad/s (0.337619 Hz), damping ratio 0.0707107: x 1" in repr(found)
 
 
 def test_what_does_not_oscillate_has_real_eigenvalues():
@@ -46,6 +46,23 @@ def test_what_does_not_oscillate_has_real_eigenvalues():
     free = vibration.modes(one(k=0.0, m=1.0, c=0.0))
     assert_allclose(free.frequencies, [0.0, 0.0], atol=0)
     assert np.isnan(free.damping_ratios).all()
+
+
+def test_real_eigenvalues_are_shown_as_rates():
+    k = 3.0
+    saddle = vibration.modes(one(k=-k, m=1.0, c=0.0))  # x'' = 3 x
+    rate = f"{np.sqrt(k):.6g} 1/s: x 1"
+    assert f"no oscillation, decays at {rate}" in repr(saddle)
+    assert f"no oscillation, grows at {rate}" in repr(saddle)
+    assert_allclose(np.sort(saddle.growth_rates), [-np.sqrt(k), np.sqrt(k)], rtol=1e-14)
+    overdamped = repr(vibration.modes(one(k=1.0, m=1.0, c=4.0)))
+    assert f"decays at {2 - np.sqrt(3):.6g} 1/s" in overdamped
+    assert f"decays at {2 + np.sqrt(3):.6g} 1/s" in overdamped
+    assert "damping ratio" not in overdamped
+    assert "mode 1  0 rad/s (0 Hz): x 1" in repr(vibration.modes(one(k=0.0, m=1.0, c=0.0)))
+    driven = scenes.linear_system(M=[[1.0]], C=[[-0.2]], K=[[1.0]], names=["x"])
+    said = "1 rad/s (0.159155 Hz), damping ratio -0.1: x 1"
+    assert said in repr(vibration.modes(driven))
 
 
 def test_the_modes_of_a_pendulum_are_those_of_its_matrices():
@@ -198,9 +215,14 @@ def test_derivatives_of_transfer_functions_have_their_names_and_units():
     assert_allclose(velocity.at(OMEGA), vibration.mobility(CHAIN, "x1", "x1", OMEGA), rtol=0)
     with pytest.raises(ValueError, match="order: expected a whole number"):
         h.derivative(0.5)
-    assert h.frequency == "frequency [rad/s]"
-    assert vibration.transfer_function(IN_MM, "x", "x").frequency == "frequency [rad/ms]"
-    assert vibration.transfer_function(BARE, "x", "x").frequency == "frequency"
+    angular, turns = h.table(OMEGA), h.table(OMEGA, hertz=True)
+    assert (angular.units["omega"], turns.units["frequency"]) == ("rad/s", "Hz")
+    frequencies = turns.coordinates["frequency"].array
+    assert_allclose(2 * np.pi * frequencies, OMEGA, rtol=1e-15)
+    slow = vibration.transfer_function(IN_MM, "x", "x")
+    units = [slow.table(OMEGA, hertz=hertz).coordinates.popitem()[1].unit for hertz in (0, 1)]
+    assert units == ["rad/ms", "1/ms"]
+    assert "omega" not in vibration.transfer_function(BARE, "x", "x").table(OMEGA).units
 
 
 def test_a_transfer_function_is_a_table():

@@ -38,6 +38,17 @@ def test_response_curves_are_dashed_between_their_folds_and_the_backbone_passes_
     assert all((0 <= line.get_ydata()).all() for line in lower.lines)
     assert max(line.get_ydata().max() for line in lower.lines) < np.pi
 
+    again = orbits.drawing.frequency_response(found, backbone=backbone, hertz=True).axes[0]
+    assert_allclose(again.get_xlim(), np.array([0.7, 2.5]) / (2 * np.pi))
+    for line, other in zip(again.lines, upper.lines, strict=True):
+        assert_allclose(line.get_xdata(), other.get_xdata() / (2 * np.pi), rtol=1e-12)
+    vertical = [orbits.drawing.backbone(backbone, hertz=hertz).axes[0] for hertz in (True, False)]
+    turns, angles = (ax.lines[0].get_xdata() for ax in vertical)
+    assert_allclose(2 * np.pi * turns, angles, rtol=1e-12)
+    for one in (found, backbone):
+        table, other = one.to_pandas(hertz=True), one.to_pandas()
+        assert_allclose(2 * np.pi * table["frequency"], other["frequency"], rtol=1e-14)
+
     def power(t, y):
         return y[1] ** 2
 
@@ -71,6 +82,9 @@ def test_a_bode_plot_has_a_line_for_each_response(tmp_path):
     assert_allclose(named.axes[0].lines[0].get_ydata(), np.abs(1 / (4 - omega**2)), rtol=1e-12)
     own = drawing.bode(omega, known, magnitude="height", frequency="w")
     assert [own.axes[0].get_ylabel(), own.axes[1].get_xlabel()] == ["height", "w"]
+    turns = drawing.bode(omega, known, hertz=True)
+    assert turns.axes[1].get_xlabel() == "frequency [Hz]"
+    assert_allclose(turns.axes[1].lines[0].get_xdata(), omega / (2 * np.pi), rtol=1e-15)
     few = drawing.bode(np.geomspace(1.0, 20.0, 200), np.ones(200))
     few.canvas.draw()
     labels = [tick.get_text() for tick in few.axes[1].get_xticklabels(which="both")]
