@@ -46,7 +46,8 @@ class Outcome(Code):
     TRIVIAL = (
         5,
         "The iteration converged to a trivial solution: a period of zero or a state of rest, "
-        "which always closes. Set a lower bound on the period.",
+        "which always closes. Start elsewhere, guess the period better, or give `orbits.find` a "
+        "lower bound on the period.",
     )
     BOUND = (
         6,

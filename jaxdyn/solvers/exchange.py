@@ -34,16 +34,14 @@ def from_diffrax(solver: diffrax.AbstractSolver) -> Method:
     Args:
       solver: an instance, for ODEs. Of an explicit solver only the table is used. An implicit one,
         such as ``diffrax.Kvaerno5()``, takes its own steps; its root finder has the tolerances of
-        a step unless it has its own. If it splits the rate, as ``diffrax.KenCarp4()`` does, its
-        implicit part gets the whole. Dense output and the reuse of the last stage are not used.
+        a step unless it has its own. Dense output and the reuse of the last stage are not used.
     Raises:
-      ValueError: `solver` is not an instance, is for stochastic equations, or carries more than a
-        state from step to step, as multistep methods do.
+      ValueError: `solver` is not an instance, is for stochastic equations, is for rates in two
+        parts as ``diffrax.KenCarp4()`` is, or carries more than a state from step to step, as
+        multistep methods do.
     Limits: implicit solvers solve linear systems by LAPACK in each step: `RADAU9` is many times
       faster for small stiff scenes. Besides step control, such a solver may reject a step itself,
-      as when its iteration does not converge: `KenCarp4` and `KenCarp5` take a hundred times as
-      many steps as `Kvaerno4` for a pendulum, as they do in `diffrax.diffeqsolve` with such a
-      split.
+      as when its iteration does not converge.
     Example:
       >>> import diffrax
       >>> from_diffrax(diffrax.Tsit5()) is from_diffrax(diffrax.Tsit5())
@@ -99,8 +97,11 @@ def _why_unsuitable(solver, table) -> tuple[str, str]:
     """Why a solver takes no steps of an ODE, and what to take instead; empty where it does."""
     if not isinstance(solver, diffrax.AbstractSolver):
         return "which is not a solver", "Pass an instance, such as diffrax.Tsit5()."
-    tables = diffrax.ButcherTableau | diffrax.MultiButcherTableau
-    known = isinstance(table, tables) or type(solver) is diffrax.ImplicitEuler
+    if isinstance(table, diffrax.MultiButcherTableau):
+        # With all of the rate in the implicit part its iteration mostly fails, also in diffrax.
+        reason = "which is for a rate in two parts, one of them explicit"
+        return reason, "diffrax.Kvaerno5() takes the whole rate, as does RADAU9."
+    known = isinstance(table, diffrax.ButcherTableau) or type(solver) is diffrax.ImplicitEuler
     if not known or solver.order(None) is None:
         return "which has no Butcher tableau of an ODE", "Use one of jaxdyn.solvers."
     return "", ""
@@ -108,8 +109,9 @@ def _why_unsuitable(solver, table) -> tuple[str, str]:
 
 def _is_explicit(solver, table) -> bool:
     """Whether one strictly lower triangular table describes a solver completely."""
-    implicit = isinstance(solver, diffrax.AbstractImplicitSolver)
-    return isinstance(table, diffrax.ButcherTableau) and not (implicit or table.implicit)
+    return table is not None and not (
+        isinstance(solver, diffrax.AbstractImplicitSolver) or table.implicit
+    )
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -147,8 +149,6 @@ class DiffraxMethod(Method):
     ) -> Advance:
         # Times count from the start of the step, or else its length would be rounded.
         term: Any = diffrax.ODETerm(lambda after, y, args: field(t + after, y))
-        if isinstance(getattr(self.solver, "tableau", None), diffrax.MultiButcherTableau):
-            term = diffrax.MultiTerm(diffrax.ODETerm(_nothing), term)
         solver = _with_tolerances(self.solver, *tolerance)
         begin = jnp.zeros_like(t)
         state = solver.init(term, begin, h, y, None)

@@ -184,7 +184,9 @@ def differentiable_orbit(
             raise fail("hold", "none for a chain of legs", "conditions", "Leave it out.")
         return _of_these_numbers(_chain(legs_of(scene, orbit.path), orbit))
     if orbit.mesh is not None:
-        raise fail("orbit", "an orbit found by shooting", "one by collocation")
+        again = "orbits.find(orbit.scene, period=orbit.period, strategy=orbits.Shooting())"
+        remedy = f"{again} mostly finds it by shooting; else give `segments`, as 20."
+        raise fail("orbit", "an orbit found by shooting", "one by collocation", remedy)
     with jax.ensure_compile_time_eval():
         posed = pose(orbit, hold)
         linear = _linearize(jax.lax.stop_gradient(posed.equations), posed.x, orbit.rtol)

@@ -87,6 +87,6 @@ def _as_json(one: "orbits.manifolds.Manifold") -> dict:
         "branches": one.branches.tolist(),
         "starts": one.starts.tolist(),
         "ends": ends,
-        "times": one.ts.tolist(),
+        "durations": one.durations.tolist(),
         "status": one.status.tolist(),
     }

@@ -487,7 +487,7 @@ def reversal(here: Symmetry, there: Symmetry | None = None, parts: int | None = 
 
 
 @check_first
-def mirror(scene: Scene, across: str = "xz") -> Reversal:
+def mirror(scene: Scene, across: str | None = None) -> Reversal:
     """The closing of motions that cross a plane, or an axis, at right angles, and mirror there.
 
     Most known orbits in rotating axes, as in the restricted three-body problem, do so: halo and
@@ -496,7 +496,8 @@ def mirror(scene: Scene, across: str = "xz") -> Reversal:
     Args:
       scene: points in rotating axes, or others that have this symmetry; the start must lie in the
         plane or on the axis, with its velocity at right angles to it.
-      across: the axes that span the plane or line, among "x", "y" and "z".
+      across: the axes that span the plane or line, among "x", "y" and "z"; by default "xz" in
+        space, and "x" in a plane.
     Raises:
       ValueError: the scene has no points, or no such axes.
     Example:
@@ -509,6 +510,7 @@ def mirror(scene: Scene, across: str = "xz") -> Reversal:
     """
     n, d = scene.points(jnp.zeros(()), scene.y0).r.shape
     axes = "xyz"[:d]
+    across = axes.replace("y", "") if across is None else across
     if not (isinstance(across, str) and 0 < len(set(across)) < d and set(across) <= set(axes)):
         raise fail("across", f"fewer than all of the axes {', '.join(axes)}", repr(across))
     signs = [1 if axis in across else -1 for axis in axes]

@@ -12,6 +12,7 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn._checks import check_first, check_on_host, fail
 from jaxdyn._progress import report_progress
+from jaxdyn.integrate.simulation import solve
 from jaxdyn.status import Status
 from orbits.analysis.same import minimal_period
 from orbits.closing.closings import PLAIN, Closing, Energy, Reversal
@@ -127,7 +128,8 @@ def _near_returns(
             break
     if orbit is None:
         remedy = (
-            "The scene's own motion has no close return in its span. Give one, or another start."
+            "The scene's own motion has no close return in its span. Give one, or another start or "
+            "span (t1)."
         )
         raise fail("period", "a guess of the period", "none", remedy)
     return orbit
@@ -246,8 +248,12 @@ def _spans(scene: Scene) -> Iterator[float]:
 
 
 def _steps(scene: Scene, span: float) -> int:
-    """Steps of a motion over a span, or more than the limit; 0 where it fails."""
-    run = quick_solve(scene, span, rtol=_RTOL, max_steps=2 * _MOST_STEPS)
+    """Steps of a motion over a span, or more than the limit; 0 where it fails.
+
+    Where the motion is stiff, they are those of the stiff method: those of an explicit one indicate
+    the rate of decay, and not the turns.
+    """
+    run = solve(scene, span, rtol=_RTOL, max_steps=2 * _MOST_STEPS)
     if run.status == Status.STEP_LIMIT:
         return 2 * _MOST_STEPS
     return int(run.steps) if run.status == Status.OK else 0

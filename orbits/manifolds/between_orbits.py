@@ -317,7 +317,7 @@ def _pieces(found: Manifold, each: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
             starts.append(found.ends[here] / each)
             sides.append((found.ends[there] - found.ends[here]) / each)
             phases = (found.t0s[here], found.t0s[here] + sense * period / n)
-            times = tuple(abs(found.ts[z] - found.t0s[z]) for z in (here, there))
+            times = tuple(abs(found.durations[z]) for z in (here, there))
             about.append((float(found.branches[here]), phases, times))
     return np.array(starts), np.array(sides), about
 

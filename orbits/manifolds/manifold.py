@@ -22,6 +22,11 @@ from orbits.orbit import Orbit, SearchError
 
 # ---- A stable or unstable manifold as strands: motions that begin next to an orbit
 
+_MISSED = (
+    "The strand ended before the requested number of crossings. Raise `time`, ask for fewer "
+    "`crossings`, or choose another section."
+)
+
 
 @dataclasses.dataclass(frozen=True)
 class Manifold:
@@ -38,12 +43,13 @@ class Manifold:
       multipliers: multipliers of the orbit, or eigenvalues of the equilibrium, to which it belongs.
       step_off: distance of the starts from the base, in the sizes of the entries.
       linear_error: estimated distance of the starts from the manifold, in these sizes.
-      t0s: (n,) times of the starts, which only matter to a driven scene.
+      t0s: (n,) times of the starts: those at which the orbit passes the bases, at which a driven
+        scene has to be started.
       starts: (n, k) starts.
-      ts: (n,) times of the ends.
+      ts: (n,) times of the ends, on the clock of `t0s`; `durations` are those from start to end.
       ends: (n, k) states at those times, on a section or after a time; NaN unless the status is OK.
       status: (n,) `Status` codes.
-      sample_ts: (n, s) times of the samples.
+      sample_ts: (n, s) times of the samples, from `t0s` to `ts`.
       samples: (n, s, k) states on the strands; NaN unless the status is OK.
       rtol: tolerance of the integrations.
     """
@@ -69,13 +75,13 @@ class Manifold:
     @_text.never_raising
     def __repr__(self) -> str:
         rest = self.orbit is None
-        lasted = _text.extent(np.abs(self.ts - self.t0s)[self.ok]) if self.ok.any() else ""
+        lasted = _text.extent(np.abs(self.durations)[self.ok]) if self.ok.any() else ""
         values = ", ".join(f"{z:.9g}" for z in self.multipliers)
         rows = [
             ("eigenvalue" if rest else "multiplier", values.replace("+0j", "")),
             ("strands", f"{len(self)}, {int(self.ok.sum())} of them reached their end"),
             ("step-off", f"{_text.brief(self.step_off)}, error {_text.brief(self.linear_error)}"),
-            ("times", lasted),
+            ("durations", lasted),
             ("failures", "" if self.ok.all() else self.message),
         ]
         what = "equilibrium" if rest else "orbit"
@@ -97,10 +103,17 @@ class Manifold:
         return self.status == Status.OK
 
     @property
+    def durations(self) -> np.ndarray:
+        """(n,) times from the starts to the ends, negative for a stable manifold."""
+        return self.ts - self.t0s
+
+    @property
     def message(self) -> str:
         """Number of strands that failed, by status, and the remedies."""
-        failed = self.status[~self.ok]
-        return tally(failed, "strand", lambda status: explanation(status, self.scene))
+        return tally(self.status[~self.ok], "strand", self._explanation)
+
+    def _explanation(self, status: Status) -> str:
+        return _MISSED if status == Status.FEW_CROSSINGS else explanation(status, self.scene)
 
 
 # ---- How far from an orbit the linear start of a manifold may be, for a wanted error
@@ -215,8 +228,10 @@ def manifold(
       orbit: a periodic orbit, or a scene whose start is an equilibrium.
       kind: "stable" or "unstable".
       until: the section at which strands end; without one they end after `time`. Directions of
-        crossings are those along the strand, backwards for a stable manifold.
-      crossings: number of the crossing at which strands end.
+        crossings are those along the strand, backwards for a stable manifold. If the orbit crosses
+        it too, strands end beside the orbit: restrict it to where the orbit is not, as
+        ``When(far)`` does with a value ``jnp.where(y[0] < 0, y[1], 1.0)``.
+      crossings: number of the crossing at which strands end; those beside the orbit count.
       time: length of strands [time of the scene], with a section the largest; by default the time
         until the linear growth reaches 1, and three e-folding times more.
       strands: number of phases of the orbit, or of starts on the circle of a two-dimensional

@@ -30,7 +30,7 @@ def space(system="earth-moon"):
 
 def found(scene, family, point, hold, **options):
     seed = near_libration_point(scene, family, point, **options)
-    mirror = orbits.closing.mirror(scene, "xz" if len(scene.y0) == 6 else "x")
+    mirror = orbits.closing.mirror(scene)
     return seed, orbits.find(scene, seed.y0, seed.period, closing=mirror, hold=hold)
 
 
@@ -130,6 +130,12 @@ def test_axial_orbits_are_mirrored_at_the_axis_only(system, point):
     assert_allclose(other.y0, seed.y0 * [1, 1, -1, 1, 1, -1])
 
 
+def test_the_default_mirror_suits_the_plane_and_space():
+    flat = scenes.restricted_three_body()
+    assert orbits.closing.mirror(flat) == orbits.closing.mirror(flat, "x")
+    assert orbits.closing.mirror(space()) == orbits.closing.mirror(space(), "xz")
+
+
 #: Frequencies of the short and the long oscillation about L4 of the Earth and the Moon.
 TURNS = {"short period": 0.9545, "long period": 0.2982}
 
@@ -196,7 +202,7 @@ def test_resonant_orbits_turn_as_often_as_they_should(turns, per, towards):
     mu = 1e-5
     flat = scenes.restricted_three_body(mu=mu)
     seed = resonant(flat, turns, per, eccentricity=0.1, towards=towards)
-    mirror = orbits.closing.mirror(flat, "x")
+    mirror = orbits.closing.mirror(flat)
     orbit = orbits.find(flat, seed.y0, seed.period, closing=mirror, hold="x")
     assert_allclose(orbit.period, 2 * np.pi * per, rtol=5e-3)
     motion = jaxdyn.simulate(orbit.scene, samples=2001)

@@ -48,6 +48,23 @@ def test_a_failed_search_raises_or_says_why():
 
 
 @pytest.mark.slow
+def test_a_relaxation_cycle_is_found_in_any_span():
+    # An explicit method takes so many steps here that the span was cut to a part of a turn.
+    def rate(t, y):
+        return [y[1], 100 * (1 - y[0] ** 2) * y[1] - y[0]]
+
+    def rises(t, y):
+        return y[0]
+
+    rises.direction = 1
+    options = {"method": "Radau", "events": rises, "rtol": 1e-9, "atol": 1e-12}
+    passed = solve_ivp(rate, (0, 400), [2.0, 0.0], **options).t_events[0]
+    for t1 in (170.0, 400.0):
+        cycle = orbits.search_near(jaxdyn.ode(rate, [2.0, 0.0], t1))
+        np.testing.assert_allclose(cycle.period, np.diff(passed)[-1], rtol=1e-8)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("current", "period"), [(3.5, 31.743057496), (2.5, 124.106403807)])
 def test_bursts_and_spikes_of_a_neuron(current, period):
     """Hindmarsh and Rose's model; its slow variable takes some 170 units of time to settle."""

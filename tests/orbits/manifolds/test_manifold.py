@@ -7,12 +7,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import jaxdyn
 import orbits
 from jaxdyn import scenes
 from jaxdyn.analysis.energy import energy
-from jaxdyn.integrate.events import Reaches
+from jaxdyn.integrate.events import Reaches, When
 
 MU = 0.01215
 #: A planar Lyapunov orbit about L1 of Earth and Moon, begun from four digits.
@@ -70,6 +71,29 @@ def test_tubes_of_a_lyapunov_orbit_reach_the_section_with_the_energy_of_the_orbi
         # The energy is stationary along the manifold: it changes by the error of the start.
         np.testing.assert_allclose(of(jnp.asarray(tube.ends)), level, rtol=0, atol=1e-8)
         np.testing.assert_allclose(tube.samples[:, -1], tube.ends, rtol=0, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_strands_last_from_their_starts_to_a_section_away_from_the_orbit(lyapunov):
+    def behind(t, y):  # y = 0, but not at the orbit, which crosses it at x = 0.83
+        del t
+        return jnp.where(y[0] < 0, y[1], 1.0)
+
+    def rate(t, s):
+        x, y, u, v = s
+        a, b = (((x - at) ** 2 + y * y) ** 1.5 for at in (-MU, 1 - MU))
+        ax = 2 * v + x - (1 - MU) * (x + MU) / a - MU * (x - 1 + MU) / b
+        return [u, v, ax, -2 * u + y - (1 - MU) * y / a - MU * y / b]
+
+    found = orbits.manifold(
+        lyapunov, "unstable", until=When(behind, -1), branch="-", strands=6, time=12.0, samples=2
+    )
+    assert found.ok.all()
+    assert len(set(found.t0s)) == 6
+    for y0, duration, end in zip(found.starts, found.durations, found.ends, strict=True):
+        by = solve_ivp(rate, (0, duration), y0, method="DOP853", rtol=1e-13, atol=1e-14)
+        np.testing.assert_allclose(by.y[:, -1], end, rtol=0, atol=1e-9)
+        assert end[0] < 0
 
 
 @pytest.mark.slow
@@ -133,7 +157,8 @@ def test_strands_that_miss_the_section_have_a_status_and_no_end(lyapunov):
     )
     assert not found.ok.any()
     assert np.isnan(found.ends).all()
-    assert "Raise t1" in found.message
+    assert "Raise `time`" in found.message
+    assert found.durations == pytest.approx(1.0)  # t0s differ, from 0 to the period
 
 
 @pytest.mark.parametrize(

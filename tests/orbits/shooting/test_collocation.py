@@ -2,6 +2,7 @@
 
 import json
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import odes
@@ -193,6 +194,22 @@ def test_a_family_ends_where_no_mesh_is_fine_enough(monkeypatch):
     assert max(member.orbit.residual for member in family.members) <= GOAL
 
 
+@pytest.mark.slow
+def test_a_stiff_cycle_is_differentiated_once_found_by_shooting():
+    def period(mu):
+        return orbits.differentiable(van_der_pol(mu, 34.7), again).period
+
+    cycle = orbits.find(van_der_pol(20.0, 34.7), strategy=orbits.Collocation())
+    with pytest.raises(ValueError, match=r"period=orbit\.period, strategy=orbits\.Shooting\(\)"):
+        orbits.differentiable(cycle.scene, cycle)
+    again = orbits.find(cycle.scene, period=cycle.period, strategy=orbits.Shooting())
+    beside = [
+        orbits.find(van_der_pol(mu, 34.7), cycle.y0, strategy=orbits.Collocation()).period
+        for mu in (20.02, 19.98)
+    ]
+    np.testing.assert_allclose(jax.grad(period)(20.0), (beside[0] - beside[1]) / 0.04, rtol=1e-6)
+
+
 def test_misuse_of_collocation_is_refused():
     with pytest.raises(
         ValueError, match="strategy: expected one for a scene with projected constraints"
@@ -201,8 +218,6 @@ def test_misuse_of_collocation_is_refused():
     with pytest.raises(ValueError, match="segments: expected none with collocation, got 4"):
         orbits.find(van_der_pol(), strategy=orbits.Collocation(), segments=4)
     cycle = orbits.find(van_der_pol(), strategy=orbits.Collocation())
-    with pytest.raises(ValueError, match="found by shooting"):
-        orbits.differentiable(cycle.scene, cycle)
     with pytest.raises(ValueError, match="segments: expected none"):
         orbits.continue_family(cycle, van_der_pol, 1.0, segments=4)
 
