@@ -384,7 +384,7 @@ def test_two_multipliers_may_leave_through_the_same_point_in_one_step(square, ki
 def test_a_pair_may_cross_the_circle_far_within_a_step(first, down):
     make = lambda a: cycle(Torus, a, jnp.array([1.0, 0.0, 0.0, 0.0]))  # noqa: E731
     orbit = orbits.find(make(first))
-    family = orbits.continue_family(orbit, make, first, down=down, step=1.0, members=3)
+    family = orbits.continue_family(orbit, make, first, down=down, step=1.0, members=12)
     # Those at the circle decide the kind: a pair of 12 is no quadruple with what it comes near.
     assert [x.kind for x in family.special] == [Kind.TORUS]
     assert abs(family.special[0].parameter) < 1e-10
