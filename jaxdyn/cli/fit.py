@@ -93,7 +93,11 @@ def _check(name: str, free: list[str], chosen: dict[str, str]) -> Callable[[], t
     names = [parameter_name("--free", text.partition("=")[0], name) for text in free]
     for one in names:
         if one in chosen:
-            raise fail(f"--set {one}", "another number", "one that is free", f"--free {one}=GUESS.")
+            fixed = f"{one}={chosen[one]}"
+            remedy = f"To begin with that guess, write --free {fixed} alone."
+            raise fail(
+                f"--free {one}", "a number that --set does not fix", f"--set {fixed}", remedy
+            )
 
     def model():
         catalogue = jaxdyn.scenes.catalogue

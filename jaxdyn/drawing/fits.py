@@ -13,21 +13,22 @@ from jaxdyn.fitting.result import LEVEL, Fit, with_bar
 _HIGH, _LOW = 2.0, 1.0  # [in] heights of the two panels for a column
 
 
-def fit(found: Fit, path=None, *, title: str | None = None) -> Figure:
+def fit(found: Fit, path=None, *, interval: str = "confidence", title: str | None = None) -> Figure:
     """A picture of a fit: for each column the data with the motion, and the residuals below them.
 
-    The band is where the motion without noise lies with a probability of 95 %; residuals are in
-    standard deviations of the noise.
+    The band is where the motion without noise lies with a probability of 95 %, the wider one where
+    a measurement does; residuals are in standard deviations of the noise.
 
     Args:
       found: result of `jaxdyn.fit`.
       path: file to write, .png, .pdf or .svg.
+      interval: "confidence" for the first band, "prediction" for both.
       title: title of the picture; by default the parameters with their error bars, "" for none.
     Raises:
       ValueError: `path` cannot be written.
     """
     path = picture_path(path)
-    predicted, table = found.predict(), found.table
+    outer, predicted, table = found.predict(interval=interval), found.predict(), found.table
     second = _text.second(found.scene.labels())
     columns = found.model.columns
     figure = blank(WIDTH, 0.8 + (_HIGH + _LOW) * len(columns))
@@ -39,8 +40,9 @@ def fit(found: Fit, path=None, *, title: str | None = None) -> Figure:
         values, bars = predicted[column.name]
         style(upper)
         style(lower)
-        low, high = values - bars, values + bars
-        upper.fill_between(predicted.ts, low, high, color=colour, alpha=0.25, lw=0)
+        for half in [bars] if interval == "confidence" else [outer[column.name][1], bars]:
+            low, high = values - half, values + half
+            upper.fill_between(predicted.ts, low, high, color=colour, alpha=0.25, lw=0)
         upper.plot(predicted.ts, values, color=colour, lw=1.4, label="fit")
         upper.plot(table.ts, table.values[:, i], ".", color=INK, ms=3, label="measured")
         unit = "" if column.unit == "1" else f" [{column.unit}]"

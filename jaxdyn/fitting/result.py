@@ -21,6 +21,7 @@ from jaxdyn.scene import Scene
 from jaxdyn.status import Code
 
 LEVEL = 0.95  # confidence level of all bars
+_INTERVALS = ("confidence", "prediction")
 _GRID = 15  # number of values of a profile
 _WIDENINGS = 4  # how often its range is doubled
 _NAMED = 0.1  # relative to the largest weight: parameters that a combination names
@@ -70,9 +71,11 @@ class Prediction(NamedTuple):
 
     Attributes:
       ts: (s,) times.
-      names: names of the columns, and of the entries of the state that are not columns.
+      names: names of the columns and, but for measurements, of the entries of the state that are
+        not columns.
       values: (s, c) values of each.
-      bars: (s, c) half-widths of their 95 % intervals, of the motion without noise.
+      bars: (s, c) half-widths of their 95 % intervals: of the motion without noise, or of a new
+        measurement.
     """
 
     ts: np.ndarray
@@ -238,14 +241,17 @@ class Fit:
             found.append(float(x[j - 1] + share * (x[j] - x[j - 1])))
         return found[0], found[1]
 
-    def predict(self, ts: Any = None) -> Prediction:
+    def predict(self, ts: Any = None, *, interval: str = "confidence") -> Prediction:
         """The fitted motion with its 95 % bands: columns, and entries of the state.
 
         Args:
           ts: (s,) times, not before the start; 400 from the first to the last measurement by
             default. Beyond the last measurement the bands show what the data say about the future.
             Where the fit did not converge, they are NaN.
+          interval: "confidence" for the band of the motion itself; "prediction" for that of a new
+            measurement, with its noise, of each column.
         """
+        _checks.choice("interval", interval, _INTERVALS)
         first, last = self.t0, float(self.segments.end[-1])
         ts = np.linspace(first, last, 400) if ts is None else _checks.host_array("ts", ts, (None,))
         ts = np.asarray(ts)
@@ -256,7 +262,9 @@ class Fit:
         taken = {column.entry for column in self.model.columns}
         labels = enumerate(self.scene.labels())
         more = [Column(name, unit, i) for i, (name, unit) in labels if i not in taken]
-        columns = (*self.model.columns, *more)
+        columns, noise = (*self.model.columns, *more), np.zeros(())
+        if interval == "prediction":
+            columns, noise = self.model.columns, np.array([*self.noise.values()])
         n = max(np.bincount(which, minlength=len(begin)).max(), 1)
         padded, places = np.empty((len(begin), n)), np.empty(len(ts), int)
         for i in range(len(begin)):
@@ -267,7 +275,8 @@ class Fit:
             places[mine] = i * n + np.arange(len(mine))
         values, bars = _bands(self.model, self.segments, self.solution, padded, columns)
         flat = np.asarray(values).reshape(-1, len(columns))[places]
-        widths = self.quantile * np.asarray(bars).reshape(-1, len(columns))[places]
+        errors = np.hypot(np.asarray(bars), noise).reshape(-1, len(columns))[places]
+        widths = self.quantile * errors
         if not self._solved:
             widths = np.full_like(widths, np.nan)
         return Prediction(ts, tuple(column.name for column in columns), flat, widths)
@@ -327,16 +336,23 @@ class Fit:
 
         return Propagated(value, jax.tree.map(bar, jacobian))
 
-    def plot(self, path: str | Path | None = None, *, title: str | None = None):
+    def plot(
+        self,
+        path: str | Path | None = None,
+        *,
+        interval: str = "confidence",
+        title: str | None = None,
+    ):
         """A picture of the data, the fitted motion with its bands, and the residuals.
 
         Args:
           path: file to write, .png, .pdf or .svg.
+          interval: see `predict`; with "prediction" a second, wider band is that of measurements.
           title: its title.
         """
         from jaxdyn.drawing import fits
 
-        return fits.fit(self, path, title=title)
+        return fits.fit(self, path, interval=interval, title=title)
 
     def as_dict(self) -> dict:
         """Estimates, bars and verdicts as plain data, for JSON."""

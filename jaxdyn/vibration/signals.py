@@ -98,10 +98,10 @@ class Imbalance(Signal):
     U = mass times eccentricity. The phase is the angle of the axis: pi / 2 for y, if x has 0.
 
     Attributes:
-      moment: () U [kg m].
+      moment: () mass times eccentricity U [kg m].
       low: () angular frequency at time 0 [rad/s].
       high: () angular frequency from the end of the duration on [rad/s].
-      duration: () of the run-up [s].
+      duration: () duration of the run-up [s].
       phase: () angle of the axis, from the direction of the imbalance at time 0 [rad].
     """
 

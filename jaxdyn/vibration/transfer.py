@@ -106,7 +106,9 @@ class TransferFunction(Record):
         return Labelled({axis: Values(axes, scale * omega, unit)}, found)
 
     def to_pandas(self, omega, *, hertz: bool = False) -> Any:
-        """The magnitudes and phases at angular frequencies as a pandas DataFrame.
+        """The magnitudes and phases [rad] at angular frequencies as a pandas DataFrame.
+
+        ``frame.attrs["units"]`` has all units; a `drawing.bode` plot has the phases in degrees.
 
         Args:
           omega: (s,) angular frequencies [rad/s].

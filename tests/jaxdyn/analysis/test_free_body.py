@@ -12,9 +12,11 @@ from jaxdyn.analysis.free_body import BALANCE, EFFECT, MULTIPLIER, free_body
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.scene import Effect, Scene
 
-#: Scenes whose equations are not forces on known bodies: frames that turn, prescribed motions.
+#: Scenes whose equations are not forces on known bodies: frames that turn, prescribed motions,
+#: matrices.
 WITHOUT = {
     "hill",
+    "linear_system",
     "lorenz",
     "moved_box",
     "moved_shape",

@@ -63,7 +63,7 @@ def test_misuse_is_refused(fit, track):
     for words, said in {
         (): "--free: expected a number to be estimated",
         ("--free", "gg"): "Did you mean 'g'",
-        ("--free", "g", "--set", "g=3"): "--free g=GUESS",
+        ("--free", "g", "--set", "g=3"): "fix, got --set g=3. To begin with that guess, write",
         ("--free", "g", "--title", "a"): "--plot with it",
         ("--free", "g=x"): "expected a number",
     }.items():

@@ -69,6 +69,25 @@ def test_a_straight_line_is_that_of_linear_regression(track, fitted):
 
 
 @pytest.mark.slow
+def test_the_band_of_a_new_measurement_is_that_of_linear_regression(track, fitted):
+    from scipy import stats
+
+    n, ts = len(TS), np.array([0.0, 2.0, 9.0])
+    fit = stats.linregress(TS, track["x"])
+    squares = np.sum((TS - TS.mean()) ** 2)
+    s = np.sqrt(np.sum((track["x"] - fit.intercept - fit.slope * TS) ** 2) / (n - 2))
+    share = 1 / n + (ts - TS.mean()) ** 2 / squares
+    t = stats.t.ppf(0.975, n - 2)
+    values, bars = fitted.predict(ts, interval="prediction")["x"]
+    assert np.abs(values - fit.intercept - fit.slope * ts).max() < 1e-8
+    assert np.abs(bars - t * s * np.sqrt(1 + share)).max() < 1e-8
+    assert np.abs(fitted.predict(ts)["x"][1] - t * s * np.sqrt(share)).max() < 1e-8
+    assert "interval: expected one of" in refusal(lambda: fitted.predict(ts, interval="mean"))
+    bands = [fitted.plot(interval=x).axes[0].collections for x in ("confidence", "prediction")]
+    assert [len(each) for each in bands] == [1, 2]
+
+
+@pytest.mark.slow
 def test_gaps_and_known_noise_weigh_the_rows(track):
     x, noise = track["x"].copy(), np.linspace(0.05, 0.2, len(TS))
     x[10:30] = noise[10:30] = np.nan
