@@ -62,9 +62,9 @@ class Stop(eqx.Module):
     _repr_html_ = _text.html
 
     @property
-    def happened(self) -> bool:
-        """Whether it was an event that ended the motion; host only."""
-        return bool(self.event >= 0)
+    def happened(self) -> bool | np.ndarray:
+        """Whether it was an event that ended the motion, (n,) for a batch of n; host only."""
+        return bool(self.event >= 0) if np.ndim(self.event) == 0 else np.asarray(self.event) >= 0
 
     @property
     def message(self) -> str:
@@ -241,7 +241,9 @@ def until(
       unless these leave room for a crossing; so may dips late in a step in which the value turns
       near zero thousands of times. At a grazing contact derivatives are infinite, at a flat zero
       NaN where value and slope are both exactly zero. An event within rounding of the end of the
-      span may count as after it: choose a later end.
+      span may count as after it: choose a later end. For the first event of many starts,
+      ``orbits.section(scene, event, starts, crossings=1, t1=...)`` is many times faster than `vmap`
+      of this search, without derivatives; the first of two events is the zero of their product.
     Example:
       >>> from jaxdyn.integrate import events
       >>> from jaxdyn import scenes
