@@ -76,7 +76,7 @@ class Stop(eqx.Module):
             return self._message_of_batch
         if self.status != Status.OK:
             return Status(int(self.status)).message
-        if not self.happened:
+        if self.event < 0:
             return f"No event happened up to the end of the span, t = {float(self.t):.6g}."
         others = [str(i) for i in np.flatnonzero(self.coincident) if i != self.event]
         also = f", with {', '.join(others)} at the same time" if others else ""
