@@ -168,7 +168,8 @@ class Reaches(Event):
 
     def check(self, k):
         if not isinstance(self.entry, int) or not 0 <= self.entry < k:
-            raise _checks.fail("entry", f"an entry of the state, 0 to {k - 1}", self.entry)
+            remedy = "scene.labels() has their order, which for a dictionary is that of its keys."
+            raise _checks.fail("entry", f"an entry of the state, 0 to {k - 1}", self.entry, remedy)
         super().check(k)
 
 
