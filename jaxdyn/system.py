@@ -123,7 +123,7 @@ class Effect(Record):
 
     @_text.never_raising
     def __repr__(self) -> str:
-        return _text.record(self)
+        return _text.record(self, lambda _: "")  # only a scene knows its units
 
     def _potential(self, t: Array, r: Array, m: Array) -> Array:
         value = self.potential(t, r, m)
@@ -144,7 +144,7 @@ class System(Record):
 
     @_text.never_raising
     def __repr__(self) -> str:
-        return _text.record(self)
+        return _text.record(self, lambda _: "")  # only a scene knows its units
 
     @abc.abstractmethod
     def labels(self) -> tuple[tuple[str, str], ...]:

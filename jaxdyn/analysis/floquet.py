@@ -68,7 +68,7 @@ class Floquet:
     _repr_html_ = _text.html
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Chart(Floquet):
     """Multipliers over a grid of two parameters: first (a,) by row, second (b,) by column."""
 

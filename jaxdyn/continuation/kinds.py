@@ -1,9 +1,35 @@
 """The kinds of special points of branches, in one parameter and in two."""
 
+import difflib
 import enum
 
+from jaxdyn._text import choice
 
-class Kind(enum.StrEnum):
+
+class _Suggesting(enum.EnumType):
+    """Enumerations whose message about a missing member names the nearest one."""
+
+    def __getattr__(cls, name: str):
+        # A member may be known by its own name or by what it prints.
+        members = cls.__members__
+        known = {str(member).upper().replace(" ", "_"): own for own, member in members.items()}
+        known |= {own: own for own in members}
+        near = difflib.get_close_matches(name.upper(), known, n=1)
+        hint = f" Did you mean {cls.__name__}.{known[near[0]]}?" if near else ""
+        listed = ", ".join(members)
+        message = f"{cls.__name__} has no {name!r}, but {listed}.{hint}"
+        raise AttributeError(message, name=name, obj=cls)
+
+
+class _Named(enum.StrEnum, metaclass=_Suggesting):
+    """Members that are equal to what they print, as ``Kind("fold")``."""
+
+    @classmethod
+    def _missing_(cls, value):
+        choice(cls.__name__, value, [str(member) for member in cls])
+
+
+class Kind(_Named):
     """A kind of special point of a branch: all have folds and branch points, some have others.
 
     Families of equilibria have Hopf points. Families of orbits have period doublings, torus points,
@@ -24,7 +50,7 @@ class Kind(enum.StrEnum):
     GRAZING = "grazing"
 
 
-class CodimensionTwo(enum.StrEnum):
+class CodimensionTwo(_Named):
     """A kind of special point of a curve in two parameters, at which two conditions hold.
 
     Curves of folds and of Hopf points have the kinds up to the double Hopf point; curves of special

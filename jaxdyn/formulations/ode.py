@@ -133,10 +133,11 @@ def ode(
         ``scene.system.tree(motion.ys)`` is the motion as such a pytree.
       t1: () span worth seeing, the default of `simulate`; for `orbits.find` a guess of the period.
       names: names of the k entries, each a name or a pair (name, unit); y0, y1, ... if left out, or
-        the keys of a pytree, "x" and "v[0]", in the order of `jax.tree.leaves`. An entry with the
-        unit "rad" is an angle: values that differ by 2 pi are the same. Entries with the same unit
-        share a size, to which tolerances are relative; an entry without a unit has its own. Give
-        the modes of a wave one unit: small modes are then known only to the rounding of large ones.
+        the keys of a pytree, "x" and "v[0]", in the order of `jax.tree.leaves`, which sorts
+        dictionaries: index entries by name, as in ``motion["x"]``. An entry with the unit "rad" is
+        an angle: values that differ by 2 pi are the same. Entries with the same unit share a size,
+        to which tolerances are relative; an entry without a unit has its own. Give the modes of a
+        wave one unit: small modes are then known only to the rounding of large ones.
       params: any pytree of numbers: derivatives go through them, `jax.vmap` runs over them, and
         new values do not compile again. Integers become floats: let the function capture those
         that index an array, or make them a static field of an `eqx.Module`.

@@ -62,9 +62,9 @@ class Stop(eqx.Module):
     _repr_html_ = _text.html
 
     @property
-    def happened(self) -> bool:
-        """Whether it was an event that ended the motion; host only."""
-        return bool(self.event >= 0)
+    def happened(self) -> bool | np.ndarray:
+        """Whether it was an event that ended the motion, (n,) for a batch of n; host only."""
+        return bool(self.event >= 0) if np.ndim(self.event) == 0 else np.asarray(self.event) >= 0
 
     @property
     def message(self) -> str:
@@ -76,7 +76,7 @@ class Stop(eqx.Module):
             return self._message_of_batch
         if self.status != Status.OK:
             return Status(int(self.status)).message
-        if not self.happened:
+        if self.event < 0:
             return f"No event happened up to the end of the span, t = {float(self.t):.6g}."
         others = [str(i) for i in np.flatnonzero(self.coincident) if i != self.event]
         also = f", with {', '.join(others)} at the same time" if others else ""
@@ -168,7 +168,8 @@ class Reaches(Event):
 
     def check(self, k):
         if not isinstance(self.entry, int) or not 0 <= self.entry < k:
-            raise _checks.fail("entry", f"an entry of the state, 0 to {k - 1}", self.entry)
+            remedy = "scene.labels() has their order, which for a dictionary is that of its keys."
+            raise _checks.fail("entry", f"an entry of the state, 0 to {k - 1}", self.entry, remedy)
         super().check(k)
 
 
@@ -241,7 +242,9 @@ def until(
       unless these leave room for a crossing; so may dips late in a step in which the value turns
       near zero thousands of times. At a grazing contact derivatives are infinite, at a flat zero
       NaN where value and slope are both exactly zero. An event within rounding of the end of the
-      span may count as after it: choose a later end.
+      span may count as after it: choose a later end. For the first event of many starts,
+      ``orbits.section(scene, event, starts, crossings=1, t1=...)`` is many times faster than `vmap`
+      of this search, without derivatives; the first of two events is the zero of their product.
     Example:
       >>> from jaxdyn.integrate import events
       >>> from jaxdyn import scenes

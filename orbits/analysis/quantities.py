@@ -236,10 +236,11 @@ def check_quantity(what: str | Quantity, scene: Scene) -> None:
 
 
 def label(what: str | Quantity) -> str:
-    """What a quantity is called: its name, or that of the function."""
+    """What a quantity is called: its name, or that of the function; "quantity" if it has none."""
     if isinstance(what, str):
         return what
-    return getattr(what, "__name__", "").strip("_<>").replace("_", " ")
+    name = getattr(what, "__name__", "<lambda>")
+    return "quantity" if name == "<lambda>" else name.strip("_").replace("_", " ")
 
 
 def unit(what: str, scene: Scene) -> str:

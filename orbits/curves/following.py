@@ -142,8 +142,9 @@ def continue_curve(
       ValueError: `point` is of another kind, there is no such orbit near it, the scene has a first
         integral, or a number is out of range or traced.
     Limits: host only. A branch point is followed only where a symmetry keeps it: the orbit must
-      close after one of two parts (``closing=orbits.Return(symmetry, parts=2)``), and then special
-      points other than cusps are not named. A curve of torus points ends at a 1:1 or 1:2 resonance.
+      close after one of two parts (``closing=orbits.Return(symmetry, parts=2)``), over twice the
+      period of a drive, and then special points other than cusps are not named. A curve of torus
+      points ends at a 1:1 or 1:2 resonance.
     Reference: Govaerts, Kuznetsov, Dhooge (2005), SIAM J. Sci. Comput. 27, 231; Kuznetsov (2004),
       Elements of Applied Bifurcation Theory, chapters 9 and 10.
     """
@@ -189,7 +190,11 @@ def _closing(orbit: Orbit, kind: Kind) -> Return:
         # The map over one part has the multiplier 1 at a fold, and -1 where the symmetry is lost.
         return closing if kind in (Kind.BRANCH, Kind.FOLD) else PLAIN
     if kind == Kind.BRANCH:
-        remedy = "Find the orbit with closing=orbits.Return(symmetry, parts=2)."
+        signs = ", ".join(["-1"] * len(orbit.y0))
+        remedy = (
+            "Find the orbit with closing=orbits.Return(symmetry, parts=2), over twice the period "
+            f"of a drive; the symmetry y -> -y is orbits.Symmetry(signs=({signs})), if it is one."
+        )
         raise fail("point", "a branch point of orbits that close by a symmetry", "another", remedy)
     return PLAIN
 

@@ -26,6 +26,7 @@ from jaxdyn.drawing.titles import readable
 from jaxdyn.files.output_files import picture_path
 from jaxdyn.vibration.inputs import Output
 from orbits.analysis.quantities import amplitude, phase
+from orbits.analysis.quantities import label as called
 from orbits.drawing.families import MARKS, orbit_stretches
 from orbits.families.family import Family, Member
 from orbits.responses.backbone import Backbone
@@ -193,7 +194,7 @@ def _output(output: Output | None, scene: Scene) -> tuple[Output, str]:
     labels = dict(scene.labels())
     output = output or next(iter(labels))
     if callable(output):
-        return output, getattr(output, "__name__", "").strip("_<>").replace("_", " ")
+        return output, called(output)
     return output, _text.with_unit(output, labels[choice("output", output, list(labels))])
 
 

@@ -48,10 +48,15 @@ def test_every_ready_made_scene_is_shown_with_its_numbers(name):
 
 
 def test_numbers_have_the_units_of_their_class():
-    assert lines(effects.UniformGravity(9.81)) == ["UniformGravity(g = 9.81 m/s^2)"]
-    assert lines(effects.Spring(10.0, 0.5, j=1)) == [
-        "Spring(k = 10 N/m, length = 0.5 m, anchor = 0 m, j = 1)"
-    ]
+    assert _text.record(effects.UniformGravity(9.81)) == "UniformGravity(g = 9.81 m/s^2)"
+    spring = effects.Spring(10.0, 0.5, j=1)
+    assert _text.record(spring) == "Spring(k = 10 N/m, length = 0.5 m, anchor = 0 m, j = 1)"
+    # Alone they have none, since only the scene knows its units.
+    assert lines(spring) == ["Spring(k = 10, length = 0.5, anchor = 0, j = 1)"]
+    days = scenes.n_body(units=("AU", "Msun", "day"))
+    assert str(days.effects[0]) == "PairGravity(G = 0.000295912)"
+    assert str(days.system) == "FreePoints(m = (1, 1, 0.3), d = 3)"
+    assert "PairGravity(G = 0.000295912 AU^3/(Msun day^2))" in str(days)
     # A world without units has none.
     assert "PairGravity(G = 1)" in str(scenes.three_body())
     assert "PairGravity(G = 10 m^3/(kg s^2))" in str(scenes.three_body_circular())

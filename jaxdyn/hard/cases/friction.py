@@ -158,7 +158,7 @@ def _grazing() -> tuple[Figure, ...]:
 
 
 def _reaches(scene: Scene, height: float) -> bool:
-    return until(scene, Reaches(1, height), 3.0, rtol=_RTOL).happened
+    return bool(until(scene, Reaches(1, height), 3.0, rtol=_RTOL).happened)
 
 
 def _root(fn: Callable[[float], float], low: float, high: float) -> float:

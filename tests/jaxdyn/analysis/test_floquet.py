@@ -198,3 +198,12 @@ def test_edges_need_a_state_of_two_entries():
 
 def _double(x, y):
     return scenes.double_pendulum(g=x), y
+
+
+def test_a_chart_prints_as_a_table_of_its_fields():
+    def driven(a, q):
+        return scenes.shaken_pendulum(angle=0.0, amplitude=a, frequency=q), 2 * np.pi / q
+
+    chart = floquet.chart(driven, np.linspace(0.05, 0.1, 10), np.linspace(50.0, 60.0, 10))
+    assert "10 x 10" in repr(chart).replace("(10, 10", "10 x 10")
+    assert len(repr(chart)) < 1000

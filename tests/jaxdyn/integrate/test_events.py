@@ -61,6 +61,12 @@ def test_a_throw_lands_at_its_closed_form():
     assert gap(stop.y, [2 * RISE**2 / G, 0.0, RISE, -RISE]) < SOLVED
 
 
+def test_which_motions_of_a_batch_had_an_event():
+    starts = jnp.array([[0.0, 0.0, 1.0, speed] for speed in (1.0, 3.0, 5.0)])
+    stops = jax.vmap(lambda y0: until(BALL.starting(y0), FALLS, 0.5))(starts)
+    assert stops.happened.tolist() == [2 * speed / G < 0.5 for speed in (1.0, 3.0, 5.0)]
+
+
 def test_a_throw_with_drag_lands_at_its_closed_form():
     t, x, vy = landing_by_hand(5.0, 0.5)
     assert gap(landing(P), [t, 3.0 * x, 3.0 * (1 - 0.5 * x), vy]) < SOLVED

@@ -126,13 +126,14 @@ def test_a_family_is_drawn_by_a_quantity():
     (first,) = (line for line in ax.lines if line.get_label() == "first")
     assert abs(first.get_ydata()[0] - 1.0) < 1e-12
     (ax,) = orbits.drawing.family(family, quantity=lambda orbit: 2 * orbit.period).axes
+    assert ax.get_ylabel() == "quantity"
     (first,) = (line for line in ax.lines if line.get_label() == "first")
     assert first.get_ydata()[0] == 2 * swing.period
     with pytest.raises(ValueError, match="entry: expected one of theta, theta_dot, got 'x'"):
         orbits.drawing.family(family, quantity="max x")
     with pytest.raises(ValueError, match="parameter: expected none for a family in energy"):
         orbits.drawing.family(family, parameter="period")
-    with pytest.raises(ValueError, match="functions of different names, got lambda twice"):
+    with pytest.raises(ValueError, match="functions of different names, got quantity twice"):
         family.to_pandas(lambda orbit: 1.0, lambda orbit: 2.0)
 
 

@@ -142,6 +142,21 @@ def _mirrored(p, q):
     return jaxdyn.ode(rate, [1.0, 0.0], TURN, params=[p, q])
 
 
+def test_the_remedy_for_a_branch_point_names_a_symmetry():
+    plain = _at(_mirrored(0.25, 0.5), [1.0, 0.0], TURN)
+    with pytest.raises(ValueError, match=r"twice the period.*orbits\.Symmetry\(signs=\(-1, -1\)\)"):
+        orbits.continue_curve(_mirrored, plain, (0.25, 0.5), kind=Kind.BRANCH)
+
+
+@pytest.mark.slow
+def test_where_a_shaken_pendulum_becomes_stable_upright():
+    half = orbits.Return(orbits.Symmetry(signs=(-1, -1)), parts=2)
+    upright = orbits.find(_shaken(-0.04, 0.3), period=2 * jnp.pi, closing=half)
+    edge = orbits.continue_curve(_shaken, upright, (-0.04, 0.3), kind=Kind.BRANCH, members=4)
+    a, q = edge.parameters.T
+    np.testing.assert_allclose(a, mathieu_a(0, q), atol=1e-9)
+
+
 @pytest.mark.long
 def test_branch_points_that_a_symmetry_keeps():
     half = orbits.Return(orbits.Symmetry(signs=(-1, -1)), parts=2)
@@ -151,9 +166,6 @@ def test_branch_points_that_a_symmetry_keeps():
     )
     p, q = curve.parameters.T
     np.testing.assert_allclose(p, q**2, atol=1e-11)
-    plain = _at(_mirrored(0.25, 0.5), [1.0, 0.0], TURN)
-    with pytest.raises(ValueError, match="orbits that close by a symmetry"):
-        orbits.continue_curve(_mirrored, plain, (0.25, 0.5), kind=Kind.BRANCH)
 
 
 @pytest.mark.slow
