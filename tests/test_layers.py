@@ -31,7 +31,7 @@ BELOW = {
     "jaxdyn/accuracy": ("jaxdyn/analysis",),
     "jaxdyn/chaos": ("jaxdyn/analysis", "jaxdyn/ensemble", "jaxdyn/files"),
     "jaxdyn/continuation": ("jaxdyn/analysis", "jaxdyn/files"),
-    "jaxdyn/files": ("jaxdyn/accuracy", "jaxdyn/scenes"),
+    "jaxdyn/files": ("jaxdyn/accuracy", "jaxdyn/scenes", "jaxdyn/vibration"),
     "jaxdyn/scenes": ("jaxdyn/mechanisms", "jaxdyn/effects", "jaxdyn/integrate"),
     "jaxdyn/drawing": (
         "jaxdyn/files",

@@ -9,7 +9,7 @@ NumPy; `tables` writes them as CSV and JSON, `data_frames` for pandas; `astronom
 of astronomers. All files that are read again end with one of the `digests`, by which any changed
 byte is noticed.
 
-May import: `accuracy`, `scenes`.
+May import: `accuracy`, `scenes`, `vibration`.
 
 To add a format, write one file, and its name below. The files are imported when they are first
 used, since command lines check paths before they load JAX.

@@ -40,13 +40,15 @@ from jaxdyn.scene import Effect, Scene, System
 from jaxdyn.scenes.catalogue import families
 from jaxdyn.scenes.drawings import Angles
 from jaxdyn.sketch import Looks
+from jaxdyn.vibration.inputs import Input
+from jaxdyn.vibration.signals import Signal
 
 T = TypeVar("T")
 
 MAX_NUMBERS = 10_000_000  # most numbers of one array
 MAX_DEPTH = 32  # deepest nesting of parts in parts
 #: Base classes of the parts of a scene.
-PARTS = (System, Effect, Mechanism, Attitude, MaterialPoints, Looks, Angles)
+PARTS = (System, Effect, Mechanism, Attitude, MaterialPoints, Looks, Angles, Input, Signal)
 _INFINITIES = ("inf", "-inf")
 _ANOTHER = (
     "Import the module that defines the class; if another version wrote the file, make it again."

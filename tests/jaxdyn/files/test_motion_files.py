@@ -15,7 +15,7 @@ import pytest
 from helpers import refusal, run_python
 
 import jaxdyn
-from jaxdyn import Status, Trajectory, scenes, simulate, solvers
+from jaxdyn import Status, Trajectory, scenes, simulate, solvers, vibration
 from jaxdyn.files import archives, digests
 from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.scenes import catalogue
@@ -65,6 +65,9 @@ MOTIONS = {
     "batch": batch,
     "failed": failed,
     "chain": chain,
+    "driven": lambda: simulate(
+        vibration.drive(scenes.oscillator(), "x", vibration.Harmonic(1.0, 2.0)), 1.0, samples=3
+    ),
 }
 
 
@@ -94,7 +97,7 @@ def test_a_motion_of_every_scene_comes_back_to_the_bit(name, path):
     assert_equal_to_the_bit(through_file(motion, path), motion)
 
 
-@pytest.mark.sample("failed", "chain")
+@pytest.mark.sample("failed", "chain", "driven")
 @pytest.mark.parametrize("name", MOTIONS)
 def test_every_kind_of_motion_comes_back_to_the_bit(name, path):
     motion = MOTIONS[name]()
