@@ -25,7 +25,6 @@ from jaxdyn.cli.shared import (
     output_option,
 )
 from jaxdyn.cli.vibration import NearOption, at_equilibrium
-from jaxdyn.continuation.branch import bounds_reason
 from jaxdyn.files.output_files import table_path
 from orbits.cli.shared import bounds, numbers
 
@@ -176,9 +175,10 @@ def _print_response(
     for level, curve in zip(found.levels, found.curves, strict=True):
         unstable = sum(m.stability.verdict == "unstable" for m in curve.members)
         text = f"level {brief(level)}: {len(curve.members)} responses, {unstable} unstable"
+        reason = jaxdyn.continuation.branch.bounds_reason
         within = tuple(scale * w for w in found.frequencies)
-        bounds = bounds_reason(within, f"on the frequency [{unit}], " if unit else "")
-        end = curve.end.replace(bounds_reason(found.frequencies), bounds)
+        bounds = reason(within, f"on the frequency [{unit}], " if unit else "")
+        end = curve.end.replace(reason(found.frequencies), bounds)
         out.print(f"{text}; the end: {escape(end)}")
 
 
