@@ -3,6 +3,7 @@
 from . import approaches as approaches
 from . import constraints as constraints
 from . import eigenvalues as eigenvalues
+from . import elements as elements
 from . import energy as energy
 from . import energy_change as energy_change
 from . import equilibria as equilibria
@@ -15,3 +16,4 @@ from . import precession as precession
 from . import regularized as regularized
 from . import steady as steady
 from . import work_by_effect as work_by_effect
+from .elements import orbital_elements as orbital_elements
