@@ -60,7 +60,7 @@ MISTAKES = {
     "jaxdyn run pendulum --solver nosuch": "--solver: expected one of auto",
     "jaxdyn run pendulum --plot a.xyz": "--plot: expected a file name",
     "jaxdyn accuracy nosuch": "scene: expected one that",
-    "jaxdyn list nosuch": "scene: expected one that",
+    "jaxdyn list nosuch": "list: expected a scene, or a word that a scene, effect, guid",
     "jaxdyn hard nosuch": "case: expected one that `jaxdyn hard --list` shows, got 'nosuch'.",
     "jaxdyn run pendulum --t1 x": "Invalid value for '--t1': expected a number, got 'x'. "
     "It may be arithmetic with pi, e, deg, sqrt, sin, cos. See --help.\n",
