@@ -15,7 +15,7 @@ recompiles. Constructors check nothing, since they also run inside traces; entry
 import contextlib
 import dataclasses
 import functools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, cast
 
 import diffrax
@@ -385,7 +385,21 @@ class Scene(Record):
         return dataclasses.replace(self, effects=kept)
 
     def starting(self, y0, t1=None) -> "Scene":
-        """The same scene from another start, and over another span if given."""
+        """The same scene from another start, and over another span if given.
+
+        Args:
+          y0: (k,) the start; or some of its entries by name, () each, where the others stay.
+          t1: () span [s].
+        Example:
+          >>> from jaxdyn import scenes
+          >>> scenes.pendulum().starting({"theta_dot": 2.0}).y0.tolist()[1]
+          2.0
+        """
+        if isinstance(y0, Mapping):
+            names = [name for name, _ in self.labels()]
+            for name in y0:
+                _checks.choice("y0", name, names)
+            y0 = jnp.stack([y0.get(name, old) for name, old in zip(names, self.y0, strict=True)])
         return dataclasses.replace(self, y0=y0, t1=self.t1 if t1 is None else t1)
 
     def labels(self) -> tuple[tuple[str, str], ...]:

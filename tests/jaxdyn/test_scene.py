@@ -94,6 +94,17 @@ def test_without_refuses_what_is_not_there(effects, has):
         _ball(*effects).without(QuadraticDrag)
 
 
+def test_starting_takes_some_entries_by_name():
+    scene = scenes.pendulum(angle=0.3)
+    assert scene.starting({"theta_dot": 2.0}).y0.tolist() == [0.3, 2.0]
+    by_name = jax.grad(lambda w: jnp.prod(scene.starting({"theta_dot": w}).y0))
+    assert float(by_name(2.0)) == 0.3
+    swing = jaxdyn.ode(lambda t, y: {"x": y["v"], "v": -y["x"]}, {"x": 1.0, "v": 0.0}, 2.0)
+    assert swing.system.tree(swing.starting({"x": 3.0}).y0)["x"] == 3.0
+    with pytest.raises(ValueError, match="y0: expected one of theta, theta_dot, got 'speed'"):
+        scene.starting({"speed": 1.0})
+
+
 def test_starting_takes_another_start_and_span():
     scene = Scene(FreePoints(2.0), (UniformGravity(),), y0=Y0, t1=3.0)
     other = scene.starting([1, 2, 3, 4])
