@@ -181,6 +181,12 @@ def title_of(scene: Any) -> str:
     return scene.name or type(scene.system).__name__
 
 
+def name_of(function: Callable, otherwise: str = "") -> str:
+    """The name of a function in words; `otherwise` for one without."""
+    name = getattr(function, "__name__", "<lambda>")
+    return otherwise if name == "<lambda>" else name.strip("_").replace("_", " ")
+
+
 def words(x: Any) -> str:
     """The name of the class of an object as words, such as "uniform gravity"."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(x).__name__.strip("_")).lower()

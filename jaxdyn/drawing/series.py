@@ -1,6 +1,6 @@
 """A picture of entries of the state, and of energies, against time."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from jaxdyn import _checks
 from jaxdyn._checks import check_first
-from jaxdyn._text import second, with_unit
+from jaxdyn._text import name_of, second, with_unit
 from jaxdyn.analysis.energy import NAMES, energies
 from jaxdyn.drawing.contents import why_stopped
 from jaxdyn.drawing.curves import quantities, samples_reached, states
@@ -32,10 +32,12 @@ def time_series(
     motion: Trajectory | HybridTrajectory,
     path=None,
     *,
-    names: Sequence[str] | None = None,
+    names: Sequence[str | Callable] | None = None,
     title: str | None = None,
 ) -> Figure:
-    """A picture of entries of the state, and of energies, against time; one panel per unit.
+    """A picture of entries of the state, of energies, and of functions, against time.
+
+    There is one panel per unit, and one for each function.
 
     Args:
       motion: result of `simulate` or `simulate_phases`. Curves are smooth, see `curves`; phases are
@@ -43,7 +45,8 @@ def time_series(
       path: file to write, .png, .pdf or .svg.
       names: what to draw, the entries of the state by default: their labels, and "kinetic",
         "potential" and "total" for energies, e.g. ``["x", "vx", "kinetic", "potential"]``; and
-        what drives the scene, see `vibration.drive`: "force on x", "displacement" of a road.
+        what drives the scene, see `vibration.drive`: "force on x", "displacement" of a road; and
+        functions (t, y) -> (), such as an acceleration, ``lambda t, y: scene.rate(t, y)[2]``.
       title: title of the picture; by default the scene with its numbers, "" for none.
     Raises:
       ValueError: `names` has an unknown label, or an energy or an input that the scene does not
@@ -52,14 +55,15 @@ def time_series(
     path = picture_path(path)
     pieces = pieces_of(motion)
     scene = pieces[0].scene
-    panel_of = _panels(scene, names or ())
+    functions = {name_of(x, "quantity"): x for x in names or () if callable(x)}
     entries = dict(scene.labels())
-    names = (
-        list(entries) if names is None else [_checks.choice("names", x, panel_of) for x in names]
-    )
+    names = list(entries) if names is None else names
+    names = [name_of(x, "quantity") if callable(x) else x for x in names]
+    panel_of = _panels(scene, names) | {name: name for name in functions}
+    names = [_checks.choice("names", x, panel_of) for x in names]
     if not names:
         raise _checks.fail("names", "one of " + ", ".join(panel_of), "none")
-    parts = [_values(piece, len(pieces), names) for piece in pieces]
+    parts = [_values(piece, len(pieces), names, functions) for piece in pieces]
     ts, drawn = (np.concatenate(both) for both in zip(*parts, strict=True))
     values = dict(zip(names, drawn.T, strict=True))
     shown = list(dict.fromkeys(panel_of[name] for name in names))
@@ -99,19 +103,25 @@ def _panels(scene: Scene, names: Sequence[str]) -> dict[str, str]:
 def _of_panel(scene: Scene, name: str, panel: str) -> str:
     """The label of the panel in which a quantity is, its unit; "" without one."""
     entries, inputs = dict(scene.labels()), driving(scene)
+    if name == panel:  # of a function
+        return ""
     if name not in entries and panel == _ENERGIES:
         return with_unit("energy", scene.in_units("J"))
     unit = entries[name] if name in entries else inputs[name].unit
     return with_unit("", unit).strip()
 
 
-def _values(piece: Trajectory, pieces: int, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+def _values(
+    piece: Trajectory, pieces: int, names: Sequence[str], functions: dict[str, Callable]
+) -> tuple[np.ndarray, np.ndarray]:
     """Times (s,) of a smooth curve and the values (s, n) of what is named there."""
     count = samples_reached(piece)
     ts, ys = states(piece, count, pieces)
     found = dict(zip(dict(piece.scene.labels()), ys.T, strict=True))
     inputs = driving(piece.scene)
     found = {name: _along(inputs[name].signal, ts) for name in names if name in inputs} | found
+    for name, function in functions.items():
+        found[name] = np.asarray(jax.vmap(function)(jnp.asarray(ts), jnp.asarray(ys)))
     if not set(names) <= set(found):
         found = quantities(piece, count, pieces, energies) | found
     return ts, np.stack([found[name] for name in names], axis=1)

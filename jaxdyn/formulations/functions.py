@@ -50,12 +50,6 @@ def check_function(name: str, function: Any, params: Any, *args: str) -> Callabl
     return function
 
 
-def name_of(function: Callable) -> str:
-    """The name of a function in words; "" for one without."""
-    name = getattr(function, "__name__", "")
-    return "" if name == "<lambda>" else name.strip("_").replace("_", " ")
-
-
 def as_params(params: Any) -> Any:
     """The parameters with numbers as float arrays; None for none."""
     remedy = (

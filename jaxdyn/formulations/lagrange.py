@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _text
 from jaxdyn._numerics import solve_spd
 from jaxdyn.formulations.functions import (
     as_params,
@@ -30,7 +30,6 @@ from jaxdyn.formulations.functions import (
     check_function,
     finite_params,
     name_entries,
-    name_of,
 )
 from jaxdyn.formulations.mechanism import (
     Mechanism,
@@ -206,7 +205,7 @@ def lagrangian(
         of = eqx.Partial(call, function, params)
         check_value(name, (), one, of, *values)
     system = Lagrangian(functions, params, name_entries(names, "q", len(q0)))
-    name = name_of(functions[0]) if len(functions) == 1 else ""
+    name = _text.name_of(functions[0]) if len(functions) == 1 else ""
     return Scene(system, y0=jnp.concatenate([q0, v0]), t1=t1, name=name)
 
 

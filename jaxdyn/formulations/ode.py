@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _text
 from jaxdyn._records import check_repeatable
 from jaxdyn.formulations.functions import (
     as_params,
@@ -21,7 +21,6 @@ from jaxdyn.formulations.functions import (
     check_function,
     finite_params,
     name_entries,
-    name_of,
     vector,
 )
 from jaxdyn.formulations.structure import Structure, flatten_start
@@ -220,7 +219,7 @@ def ode(
     for key, _ in moves:
         called = f"generators {key!r}"
         check_value(called, y0.shape, each, lambda y, key=key: system.generators(y)[key], y0)
-    scene = Scene(system, y0=y0, t1=t1, name=name_of(rate) if name is None else name)
+    scene = Scene(system, y0=y0, t1=t1, name=_text.name_of(rate) if name is None else name)
     if second_order and not _checks.is_traced(scene):
         scene.check()  # `solve` would not, and a wrong claim gives wrong motions
     return scene

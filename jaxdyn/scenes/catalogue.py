@@ -19,8 +19,8 @@ from typing import Any
 
 from jaxdyn import _checks, _scene_files
 from jaxdyn._arithmetic import setting
+from jaxdyn._text import name_of
 from jaxdyn.formulations import xpp
-from jaxdyn.formulations.functions import name_of
 from jaxdyn.formulations.ode import Ode
 from jaxdyn.integrate.phases import HybridTrajectory, simulate_phases
 from jaxdyn.integrate.simulation import RTOL, simulate

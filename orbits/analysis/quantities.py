@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, simulate
 from jaxdyn._checks import check_first, choice, fail
-from jaxdyn._text import second
+from jaxdyn._text import name_of, second
 from jaxdyn.analysis.energy import energy
 from jaxdyn.plan import plan_of
 from jaxdyn.vibration.inputs import Output
@@ -237,10 +237,7 @@ def check_quantity(what: str | Quantity, scene: Scene) -> None:
 
 def label(what: str | Quantity) -> str:
     """What a quantity is called: its name, or that of the function; "quantity" if it has none."""
-    if isinstance(what, str):
-        return what
-    name = getattr(what, "__name__", "<lambda>")
-    return "quantity" if name == "<lambda>" else name.strip("_").replace("_", " ")
+    return what if isinstance(what, str) else name_of(what, "quantity")
 
 
 def unit(what: str, scene: Scene) -> str:

@@ -18,10 +18,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _text
 from jaxdyn._records import captures
 from jaxdyn.files.rows import Rows, program_text, rows_in
-from jaxdyn.formulations.functions import as_params, call, check_function, name_of, vector
+from jaxdyn.formulations.functions import as_params, call, check_function, vector
 from jaxdyn.system import check_value
 from orbits.discovery.settling import (
     CHAOTIC,
@@ -105,7 +105,7 @@ def map_basins(
     y = jnp.zeros(len(axes))
     check_value("step", y.shape, "One number for each entry of the grid.", iterated, y)
     entries, start = list(range(len(axes))), np.zeros(len(axes))
-    title, far = name_of(step) or "a map", _FAR * max(largest, 1.0)
+    title, far = _text.name_of(step, "a map"), _FAR * max(largest, 1.0)
     of = (
         program_text(lambda params, y: _Map(step, params)(y), params, y),
         params,

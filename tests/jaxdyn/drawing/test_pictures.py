@@ -352,6 +352,21 @@ def test_time_series_of_energies_by_name():
     np.testing.assert_allclose(values["potential"][1], v**2 - kinetic, rtol=0, atol=1e-11)
 
 
+def test_time_series_of_functions():
+    scene = scenes.oscillator(k=4.0, x=1.0)
+
+    def acceleration_of_x(t, y):
+        return scene.rate(t, y)[1]
+
+    names = ["x", acceleration_of_x, lambda t, y: t * y[1]]
+    figure = drawing.time_series(simulate(scene, 2.0), names=names)
+    curves = [(ax.lines[0].get_label(), *ax.lines[0].get_xydata().T) for ax in figure.axes]
+    assert [name for name, *_ in curves] == ["x", "acceleration of x", "quantity"]
+    t, acceleration = curves[1][1:]
+    np.testing.assert_allclose(acceleration, -4 * np.cos(2 * t), atol=1e-9)
+    np.testing.assert_allclose(curves[2][2], -2 * t * np.sin(2 * t), atol=1e-9)
+
+
 def test_energies_that_a_scene_does_not_have_are_refused():
     motion = simulate(scenes.lorenz(t1=1.0), samples=3)
     with pytest.raises(ValueError, match=r"scene: expected one with an energy, .* energy= to"):
