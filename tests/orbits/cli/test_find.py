@@ -275,7 +275,7 @@ def test_no_family_is_one_json_object_too(orbits):
 @pytest.mark.slow
 def test_multipliers_that_are_all_1_are_no_afterthought(capsys):
     swing = find(scenes.pendulum(angle=2.0), period=2.7)
-    print_reports({"swing": report(swing)}, Console(width=100))
+    print_reports({"swing": report(swing)}, Console(width=100), swing)
     shown = capsys.readouterr().out
     assert " 2 times 1 " in shown
     assert "and 2 times 1" not in shown

@@ -181,7 +181,8 @@ def test_the_centre_of_mass_is_no_reason_against_the_stability_of_a_rotating_eig
             rest = whole - 4 - 4 * np.cos(power * member.orbit.angle)
             assert abs(rest - (linear.nontrivial**power).sum()) < 1e-7
             assert abs(whole - (linear.multipliers**power).sum()) < 1e-7
-    print_reports({"rotating": orbits.report(turning[-1].orbit)}, Console(width=100))
+    orbit = turning[-1].orbit
+    print_reports({"rotating": orbits.report(orbit)}, Console(width=100), orbit)
     shown = capsys.readouterr().out
     assert "4 of the centre of mass, which turns" in shown
     assert "and 4 times 1" in shown
