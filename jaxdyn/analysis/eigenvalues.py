@@ -173,6 +173,12 @@ def rate_verdict(found: Eigenvalues) -> np.ndarray:
     return _verdict(found.values.real, found.bars)
 
 
+def is_centre(found: Eigenvalues) -> bool:
+    """Whether all eigenvalues (k,) of dx/dt = A x may be imaginary, and none is 0."""
+    re, im = np.abs(found.values.real), np.abs(found.values.imag)
+    return bool((re <= found.bars).all() and (im > found.bars).all())
+
+
 def map_verdict(found: Eigenvalues, conservative) -> np.ndarray:
     """(...) "stable" where no perturbation grows, "unstable" where one certainly does.
 

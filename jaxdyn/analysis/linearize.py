@@ -20,6 +20,7 @@ from jaxdyn.analysis.eigenvalues import (
     ERROR_SAFETY,
     ROUNDING,
     Eigenvalues,
+    is_centre,
     rate_eigenvalues,
     rate_verdict,
     with_bars,
@@ -54,8 +55,8 @@ class Linearization:
       eigenvalues: (k,) complex, largest real part first [1/s].
       bars: (k,) error bar of each, from rounding of the matrix.
       verdict: "stable" (all real parts certainly negative: perturbations decay; or a centre at
-        which a conserved energy has a minimum: they stay small), "unstable" (a real part certainly
-        positive), or "undecided".
+        which a conserved energy has a strict minimum or maximum: they stay small), "unstable" (a
+        real part certainly positive), or "undecided".
       portrait: "node", "spiral", "saddle" or "centre"; "mixed" for a combination of these,
         "degenerate" where an eigenvalue may be 0.
 
@@ -114,7 +115,7 @@ def linearize_near(field: Field, y: Array, t, sizes: np.ndarray) -> Linearizatio
     t, y = jnp.asarray(t, float), jnp.asarray(y)
     others = _beyond_conditions(field, t, y, jnp.asarray(sizes))
     found = classify(np.asarray(jacobian(field, y, t)), others=others)
-    if found.verdict != "undecided" or found.portrait != "centre":
+    if found.portrait != "centre":
         return found
     near = at_rest(field, groups(field.system), np.asarray(y), float(t))
     held = is_extremum_of_energy(field, t, y, near.sizes, near.time)
@@ -202,7 +203,7 @@ def _portrait(found: Eigenvalues) -> str:
         return "degenerate"
     if up.any() and down.any():
         return "saddle"
-    if not up.any() and not down.any():
+    if is_centre(found):
         return "centre"
     if not (up | down).all() or turning.any() != turning.all():
         return "mixed"

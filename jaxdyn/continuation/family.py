@@ -11,7 +11,7 @@ from jaxtyping import Array
 
 from jaxdyn import _labelled, _text
 from jaxdyn._labelled import Labelled, Values, entries
-from jaxdyn.analysis.eigenvalues import Eigenvalues, rate_eigenvalues, rate_verdict
+from jaxdyn.analysis.eigenvalues import Eigenvalues, is_centre, rate_eigenvalues, rate_verdict
 from jaxdyn.analysis.energy_extremum import is_extremum_of_energy
 from jaxdyn.continuation.defining import Make, slope_at
 from jaxdyn.continuation.kinds import Kind
@@ -151,16 +151,13 @@ def equilibrium_at(make: Make, x: np.ndarray, along: np.ndarray, residual: float
     slopes = np.asarray(slope_at(make, x))
     tangent = np.linalg.svd(slopes)[2][-1]
     found = rate_eigenvalues(slopes[:, :-1])
-    verdict = str(rate_verdict(found))
-    turning = np.abs(found.values.imag) > found.bars
-    if verdict == "undecided" and turning.all() and _is_extremum_of_energy(make, x):
-        verdict = "stable"
+    held = is_centre(found) and _is_extremum_of_energy(make, x)
     return Equilibrium(
         state=x[:-1],
         parameter=float(x[-1]),
         slopes=slopes,
         eigenvalues=found,
-        verdict=verdict,
+        verdict="stable" if held else str(rate_verdict(found)),
         tangent=tangent if tangent @ along >= 0 else -tangent,
         residual=residual,
     )

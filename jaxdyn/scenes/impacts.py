@@ -12,6 +12,7 @@ Nordmark (1991), J. Sound Vib. 145, 279.
 
 import abc
 import dataclasses
+from collections.abc import Callable
 from typing import ClassVar
 
 import equinox as eqx
@@ -49,37 +50,54 @@ class WalledBody(System):
     restitution: Array = eqx.field(converter=as_float)
     frequency: Array = eqx.field(converter=as_float)
     rests: bool = eqx.field(static=True, default=False, kw_only=True)
-    called: ClassVar[str]
+    wall_name: ClassVar[str]
     #: 1 where x is larger on the body's side of the wall, -1 where it is smaller.
     side: ClassVar[int]
 
     @abc.abstractmethod
-    def wall(self, phase: Array) -> tuple[Array, Array]:
-        """() place [m] and () velocity [m/s] of the wall."""
+    def wall(self, phase: Array) -> Array:
+        """() place of the wall [m]."""
 
     @abc.abstractmethod
-    def push(self, phase: Array) -> Array:
-        """() acceleration [m/s^2] by the wall, away from it, of a body that rests on it."""
+    def acceleration(self, y: Array) -> Array:
+        """() acceleration of the body without the wall [m/s^2]."""
 
     @abc.abstractmethod
     def largest_speed(self, y: Array) -> Array:
         """() an estimate of the largest speed relative to the wall [m/s] of a motion from y."""
 
-    def rate_on_wall(self, y: Array) -> Array:
-        """(3,) the rate of a state at rest on the wall."""
-        moves = (y[2],), (self.frequency,)
-        speed, acceleration = jax.jvp(lambda phase: self.wall(phase)[1], *moves)
-        return jnp.stack([speed, acceleration, self.frequency])
+    def rate(self, t, y, effects):
+        del t, effects
+        if self.rests:
+            return self._rate_of(self.on_wall, y[2])
+        return jnp.stack([y[1], self.acceleration(y), self.frequency])
+
+    def on_wall(self, phase: Array) -> Array:
+        """(3,) the state of a body at rest on the wall."""
+        return jnp.stack([self.wall(phase), self._rate_of(self.wall, phase), phase])
+
+    def push(self, phase: Array) -> Array:
+        """() acceleration [m/s^2] by the wall, away from it, of a body that rests on it."""
+        there = self.on_wall(phase)
+        return self.side * (self._rate_of(self.on_wall, phase)[1] - self.acceleration(there))
+
+    def gap(self, y: Array) -> Array:
+        """() distance from the wall [m], negative beyond it."""
+        return self.side * (y[0] - self.wall(y[2]))
 
     def project(self, t, y):
         del t
-        return jnp.stack([*self.wall(y[2]), y[2]]) if self.rests else y
+        return self.on_wall(y[2]) if self.rests else y
 
     def bounds(self, t, y, effects):
         del t, effects
         if self.rests:
-            return {f"the lift-off from {self.called}": self.push(y[2])}
-        return {self.called: self.side * (y[0] - self.wall(y[2])[0])}
+            return {f"the lift-off from {self.wall_name}": self.push(y[2])}
+        return {self.wall_name: self.gap(y)}
+
+    def _rate_of(self, function: Callable[[Array], Array], phase: Array) -> Array:
+        """The change in time of a function of the phase."""
+        return jax.jvp(function, (phase,), (self.frequency,))[1]
 
 
 class Impact(Event):
@@ -89,7 +107,7 @@ class Impact(Event):
 
     def value(self, t, y):
         del t
-        return self.body.side * (y[0] - self.body.wall(y[2])[0])
+        return self.body.gap(y)
 
     @property
     def direction(self):
@@ -125,7 +143,7 @@ class AfterImpact(eqx.Module):
         """(3,) state after the impact."""
         del t
         x, v, phase = y
-        place, speed = self.body.wall(phase)
+        place, speed, _ = self.body.on_wall(phase)
         bounce = self.body.restitution * (speed - v)
         rests = (jnp.abs(bounce) <= self.least) & (self.body.push(phase) > 0)
         bounce = jnp.where(rests, 0.0, bounce)
@@ -166,17 +184,11 @@ class BallOnTable(WalledBody):
 
     amplitude: Array = eqx.field(converter=as_float)
     g: Array = eqx.field(converter=as_float)
-    called: ClassVar[str] = "the table"
+    wall_name: ClassVar[str] = "the table"
     side: ClassVar[int] = 1
 
     def labels(self):
         return ("y", "m"), ("vy", "m/s"), ("phase", "rad")
-
-    def rate(self, t, y, effects):
-        del t, effects
-        if self.rests:
-            return self.rate_on_wall(y)
-        return jnp.stack([y[1], -self.g, self.frequency])
 
     def bodies(self, t, y):
         return particles(self.points(t, y).m, ("ball",))
@@ -190,14 +202,14 @@ class BallOnTable(WalledBody):
         )
 
     def wall(self, phase):
-        height = self.amplitude * jnp.sin(phase)
-        return height, self.amplitude * self.frequency * jnp.cos(phase)
+        return self.amplitude * jnp.sin(phase)
 
-    def push(self, phase):
-        return self.g - self.amplitude * self.frequency**2 * jnp.sin(phase)
+    def acceleration(self, y):
+        del y
+        return -self.g
 
     def largest_speed(self, y):
-        fall = jnp.sqrt(y[1] ** 2 + 2 * jnp.abs(self.g * (y[0] - self.wall(y[2])[0])))
+        fall = jnp.sqrt(y[1] ** 2 + 2 * jnp.abs(self.g * self.gap(y)))
         return fall + jnp.abs(self.amplitude * self.frequency)
 
     def points(self, t, y):
@@ -211,7 +223,7 @@ class BallOnTable(WalledBody):
 
     def sketch(self, t, y):
         del t
-        half, height = self.amplitude, self.wall(y[2])[0]
+        half, height = self.amplitude, self.wall(y[2])
         ends = jnp.stack([jnp.stack([-half, height]), jnp.stack([half, height])])
         return (Shape("line", ends),)
 
@@ -256,7 +268,7 @@ def ball_on_table(
     """
     ball = BallOnTable(restitution, frequency, amplitude, g)
     phase, velocity = floats(phase, velocity)
-    return Scene(ball, y0=jnp.stack([ball.wall(phase)[0], velocity, phase]), t1=t1)
+    return Scene(ball, y0=jnp.stack([ball.wall(phase), velocity, phase]), t1=t1)
 
 
 @check_first
@@ -289,19 +301,11 @@ class ImpactOscillator(WalledBody):
     k: Array = eqx.field(converter=as_float)
     force: Array = eqx.field(converter=as_float)
     stop: Array = eqx.field(converter=as_float)
-    called: ClassVar[str] = "the stop"
+    wall_name: ClassVar[str] = "the stop"
     side: ClassVar[int] = -1
 
     def labels(self):
         return ("x", "m"), ("vx", "m/s"), ("phase", "rad")
-
-    def rate(self, t, y, effects):
-        del t, effects
-        if self.rests:
-            return self.rate_on_wall(y)
-        x, v, phase = y
-        pull = self.force * jnp.cos(phase) - self.k * x - self.c * v
-        return jnp.stack([v, pull / self.m, self.frequency])
 
     def bodies(self, t, y):
         del t, y
@@ -320,10 +324,12 @@ class ImpactOscillator(WalledBody):
         return tuple(Load(name, 0, _level(force), _level(x)) for name, force in forces.items())
 
     def wall(self, phase):
-        return self.stop, jnp.zeros_like(phase)
+        del phase
+        return self.stop
 
-    def push(self, phase):
-        return (self.force * jnp.cos(phase) - self.k * self.stop) / self.m
+    def acceleration(self, y):
+        x, v, phase = y
+        return (self.force * jnp.cos(phase) - self.k * x - self.c * v) / self.m
 
     def largest_speed(self, y):
         x, v, _ = y

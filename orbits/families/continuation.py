@@ -321,10 +321,9 @@ class _Problem(BranchProblem[Member]):
     def __init__(self, surface: Surface, within, energies):
         self.surface, self.within, self.energies = surface, within, energies
         self.what = checkpoint.what(surface)
-        #: The last member whose multipliers are known to be on one side of 1 where those of the
-        #: members since then are not; and the special points since then.
+        #: The last member whose multipliers are known to be on one side of 1, while those of the
+        #: members since then are not, and no point has been found at which one is 1.
         self.known: Member | None = None
-        self.since: list[Member] = []
 
     def chart(self, member: Member) -> OrbitChart:
         return OrbitChart(self.surface.at(member.point), member)
@@ -341,10 +340,13 @@ class _Problem(BranchProblem[Member]):
 
     def special(self, chart: OrbitChart, a, b, first: bool) -> list[Member]:
         found = special_points(chart.surface, a, b)
-        start, before = (a, []) if self.known is None else (self.known, self.since)
-        is_open = leaves_open(chart.surface, b)
-        self.known, self.since = (start, [*before, *found]) if is_open else (None, [])
-        if start is a or is_open or any(x.kind in _AT_ONE for x in (*before, *found)):
+        start, self.known = self.known, None
+        if any(x.kind in _AT_ONE for x in found):
+            return found
+        if leaves_open(chart.surface, b):
+            self.known = a if start is None else start
+            return found
+        if start is None:
             return found
         missed = special_points(self.surface.at(start.point), start, b)
         return [*found, *(x for x in missed if x.kind in _AT_ONE)]
