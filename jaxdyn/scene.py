@@ -397,9 +397,8 @@ class Scene(Record):
         """
         if isinstance(y0, Mapping):
             names = [name for name, _ in self.labels()]
-            for name in y0:
-                _checks.choice("y0", name, names)
-            y0 = jnp.stack([y0.get(name, old) for name, old in zip(names, self.y0, strict=True)])
+            given = {_checks.choice("y0", x, names): _checks.array(x, y0[x], ()) for x in y0}
+            y0 = jnp.stack([given.get(x, old) for x, old in zip(names, self.y0, strict=True)])
         return dataclasses.replace(self, y0=y0, t1=self.t1 if t1 is None else t1)
 
     def labels(self) -> tuple[tuple[str, str], ...]:

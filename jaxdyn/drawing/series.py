@@ -21,6 +21,7 @@ from jaxdyn.files.output_files import picture_path
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
+from jaxdyn.system import check_value
 from jaxdyn.vibration.forcing import driving
 from jaxdyn.vibration.signals import Signal
 
@@ -49,14 +50,15 @@ def time_series(
         functions (t, y) -> (), such as an acceleration, ``lambda t, y: scene.rate(t, y)[2]``.
       title: title of the picture; by default the scene with its numbers, "" for none.
     Raises:
-      ValueError: `names` has an unknown label, or an energy or an input that the scene does not
-        have; `motion` is a batch, or `path` cannot be written.
+      ValueError: `names` has an unknown label, an energy or an input that the scene does not have,
+        or a function of another kind, or with the name of another; `motion` is a batch, or `path`
+        cannot be written.
     """
     path = picture_path(path)
     pieces = pieces_of(motion)
     scene = pieces[0].scene
-    functions = {name_of(x, "quantity"): x for x in names or () if callable(x)}
     entries = dict(scene.labels())
+    functions = _functions(scene, names or (), entries)
     names = list(entries) if names is None else names
     names = [name_of(x, "quantity") if callable(x) else x for x in names]
     panel_of = _panels(scene, names) | {name: name for name in functions}
@@ -85,6 +87,19 @@ def time_series(
     axes[-1].set_xlabel("t" if plain else f"t [{second(scene.labels())}]")
     axes[0].set_title(lines, fontsize=10)
     return finish(figure, path)
+
+
+def _functions(scene: Scene, names: Sequence, entries: dict) -> dict[str, Callable]:
+    """The functions among what is drawn by their names, which differ."""
+    found: dict[str, Callable] = {}
+    for function in filter(callable, names):
+        name = name_of(function, "quantity")
+        _checks.check_callable("names", function, "t", "y")
+        check_value("names", (), "One number.", function, jnp.zeros(()), scene.y0)
+        if name in entries or found.setdefault(name, function) is not function:
+            remedy = "Define them by `def`, with names of their own."
+            raise _checks.fail("names", "functions with different names", f"two {name!r}", remedy)
+    return found
 
 
 def _panels(scene: Scene, names: Sequence[str]) -> dict[str, str]:

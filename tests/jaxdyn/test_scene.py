@@ -103,6 +103,8 @@ def test_starting_takes_some_entries_by_name():
     assert swing.system.tree(swing.starting({"x": 3.0}).y0)["x"] == 3.0
     with pytest.raises(ValueError, match="y0: expected one of theta, theta_dot, got 'speed'"):
         scene.starting({"speed": 1.0})
+    with pytest.raises(ValueError, match=r"theta: expected shape \(\), got shape \(2,\)"):
+        scene.starting({"theta": [1.0, 2.0]})
 
 
 def test_starting_takes_another_start_and_span():

@@ -367,6 +367,20 @@ def test_time_series_of_functions():
     np.testing.assert_allclose(curves[2][2], -2 * t * np.sin(2 * t), atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("functions", "message"),
+    [
+        ([lambda t, y: y[0], lambda t, y: y[1]], "functions with different names, got two 'quant"),
+        ([lambda t, y: y], r"names: expected shape \(\), got shape \(2,\)"),
+        ([lambda y: y[0]], r"names: expected a function of \(t, y\)"),
+    ],
+)
+def test_functions_that_cannot_be_drawn_are_refused(functions, message):
+    motion = simulate(scenes.oscillator(), 1.0, samples=3)
+    with pytest.raises(ValueError, match=message):
+        drawing.time_series(motion, names=functions)
+
+
 def test_energies_that_a_scene_does_not_have_are_refused():
     motion = simulate(scenes.lorenz(t1=1.0), samples=3)
     with pytest.raises(ValueError, match=r"scene: expected one with an energy, .* energy= to"):
