@@ -20,7 +20,8 @@ class OrbitalElements(NamedTuple):
     """The Keplerian elements of an orbit, each (...).
 
     Attributes:
-      a: semi-major axis [m]; negative for a hyperbola, infinite for a parabola.
+      a: semi-major axis, in the unit of positions; negative for a hyperbola, infinite for a
+        parabola.
       e: eccentricity.
       inclination: angle of the orbit's plane to the plane xy, from 0 to pi [rad].
       node: longitude of the ascending node, from 0 to 2 pi [rad].

@@ -17,7 +17,7 @@ from jaxdyn.cli.screen import Screen
 from jaxdyn.cli.shared import JsonOption
 
 _MENTIONED = "a scene, or a word that a scene, effect, guide, command or problem mentions"
-_TRY = "Try a more common word, or a part of it; `jaxdyn list` shows all scenes."
+_TRY = "Try a more common word, or its beginning; `jaxdyn list` shows all scenes."
 _MOST_WHOLE = 4  # scenes found by a word that are listed with all their numbers
 
 

@@ -114,3 +114,9 @@ def test_misuse_is_refused():
         orbital_elements([1.0, 0.0, 0.0], [1.0, 0.0], 1.0)
     with pytest.raises(ValueError, match="mu: expected > 0"):
         orbital_elements([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 0.0)
+
+
+def test_a_length_is_printed_without_a_unit_since_any_may_be_given():
+    in_km = orbital_elements([7000.0, 0.0, 0.0], [0.0, 7.5, 1.0], 398600.4418)
+    assert "a            7037.95\n" in str(in_km)
+    assert "inclination  0.132552 rad" in str(in_km)
