@@ -33,12 +33,14 @@ class Equilibrium:
       kind: kind of special point, if it is one.
       coefficient: at a fold the quadratic coefficient (0 at a cusp), at a Hopf point the first
         Lyapunov coefficient (0 at a Bautin point); at a branch point the quadratic coefficient,
-        which is 0 to rounding at a pitchfork; NaN elsewhere, and where the eigenvalue 0 is not
-        simple, as in conservative scenes.
-      cubic: the cubic coefficient at a fold and at a branch point; NaN elsewhere.
+        which is 0 at a pitchfork; NaN elsewhere.
+      cubic: the cubic coefficient at a fold and at a branch point; NaN elsewhere. Both are those of
+        z' = a z^2 + c z^3, or if `is_double` of z'' = a z^2 + c z^3.
       frequency: frequency of the small oscillations at a Hopf point [rad per time]; NaN elsewhere.
       units: (k + 2,) units of the state's entries, of the parameter and of time, in which the
         family is followed; `residual` is in these. None in a file of an earlier version.
+      is_double: whether the eigenvalue 0 of a fold or branch point is double, as in conservative
+        scenes.
     """
 
     state: np.ndarray
@@ -53,6 +55,7 @@ class Equilibrium:
     cubic: float = math.nan
     frequency: float = math.nan
     units: np.ndarray | None = None
+    is_double: bool = False
 
     @property
     def x(self) -> np.ndarray:
@@ -66,10 +69,24 @@ class Equilibrium:
 
     @property
     def criticality(self) -> str:
-        """At a Hopf point "supercritical" or "subcritical", "" elsewhere."""
-        if self.kind != Kind.HOPF or not abs(self.coefficient) > 0:
+        """At a Hopf point and a pitchfork "supercritical" or "subcritical", "" elsewhere."""
+        if self.kind == Kind.HOPF:
+            decisive = self.coefficient
+        else:
+            decisive = self.cubic if self._is_pitchfork else math.nan
+        if not abs(decisive) > 0:
             return ""
-        return "supercritical" if self.coefficient < 0 else "subcritical"
+        return "supercritical" if decisive < 0 else "subcritical"
+
+    @property
+    def _is_pitchfork(self) -> bool:
+        return self.kind == Kind.BRANCH and self.coefficient == 0
+
+    @property
+    def name(self) -> str:
+        """What it is, as "supercritical Hopf point" or "fold"; "equilibrium" if not special."""
+        kind = "pitchfork" if self._is_pitchfork else self.kind or "equilibrium"
+        return " ".join(filter(None, (self.criticality, kind)))
 
     @_text.never_raising
     def __repr__(self) -> str:
@@ -77,7 +94,7 @@ class Equilibrium:
         numbers = ("coefficient", "cubic", "frequency")
         known = ((name, getattr(self, name)) for name in numbers)
         rows += [(name, _text.brief(x)) for name, x in known if not math.isnan(x)]
-        what = " ".join(filter(None, (self.criticality, self.kind or "equilibrium")))
+        what = self.name
         return _text.table(f"{what[0].upper()}{what[1:]}, {self.verdict}", rows)
 
     _repr_html_ = _text.html
@@ -102,10 +119,7 @@ class EquilibriumFamily:
     @_text.never_raising
     def __repr__(self) -> str:
         verdicts = collections.Counter(member.verdict for member in self.members)
-        special = [
-            " ".join(filter(None, (x.criticality, x.kind))) + f" at {_text.brief(x.parameter)}"
-            for x in self.special
-        ]
+        special = [f"{x.name} at {_text.brief(x.parameter)}" for x in self.special]
         rows = [
             ("parameter", _text.extent(self.parameters)),
             ("stability", ", ".join(f"{n} {verdict}" for verdict, n in verdicts.items())),

@@ -3,10 +3,11 @@
 With B and C the second and third derivatives of the rate as symmetric forms, for |q| = 1 in the
 units of the scene, in which the entries have units `each`:
 
-- Fold and branch point, with null vectors A q = 0, A^T p = 0, p q = 1: the quadratic
-  coefficient a = p B(q, q) / 2 and the cubic one c = p C(q, q, q) / 6 - p B(q, h) / 2, with
+- Fold and branch point, with null vectors A q = 0, A^T p = 0, p q = 1: the coefficients of
+  z' = a z^2 + c z^3, a = p B(q, q) / 2 and c = p C(q, q, q) / 6 - p B(q, h) / 2, with
   A h = B(q, q) - p B(q, q) q and p h = 0. At a fold a = 0 is a cusp; at a branch point a = 0 is a
-  pitchfork.
+  pitchfork. Where the eigenvalue 0 is double, as in conservative scenes, p q = 0: with A r = q and
+  p r = 1 they are the coefficients of z'' = a z^2 + c z^3, with r in place of q in A h.
 - Hopf point: the Lyapunov coefficients.
 
 Sums with B and C are coefficients of the series of the rate along curves of states such as
@@ -122,13 +123,19 @@ def _coefficient(make: Make, x: Array, curves: Array, *, order: int) -> Array:
 
 # ---- Normal-form coefficients of folds, branch points and Hopf points of equilibria
 
-#: Product of unit null vectors below which the eigenvalue 0 is not simple, as in a conservative
-#: scene.
-_DEFECTIVE = 1e-8
+#: Product of unit null vectors below which they are orthogonal.
+_ORTHOGONAL = 1e-8
+#: Quadratic coefficient, in units where the rate is of order 1, below which it is rounding.
+_SYMMETRIC = 1e-10
 
 
-def null_form(make: Make, x: np.ndarray, a: np.ndarray, each: np.ndarray) -> tuple[float, float]:
-    """The quadratic and the cubic coefficient at a simple eigenvalue 0; NaN at a multiple one.
+def null_form(
+    make: Make, x: np.ndarray, a: np.ndarray, each: np.ndarray
+) -> tuple[float, float, bool]:
+    """The quadratic and the cubic coefficient at an eigenvalue 0, and whether it is double.
+
+    A quadratic coefficient that is rounding, as symmetry makes it, is 0. Both are NaN where the
+    eigenvalue has more than one eigenvector, or is triple.
 
     Args:
       make: parameter -> scene.
@@ -138,18 +145,24 @@ def null_form(make: Make, x: np.ndarray, a: np.ndarray, each: np.ndarray) -> tup
     """
     u, _, vt = np.linalg.svd(a)
     q, p = vt[-1], u[:, -1]
-    if abs(p @ q) < _DEFECTIVE:
-        return math.nan, math.nan
+    double = bool(abs(p @ q) < _ORTHOGONAL)
     # The sign of q is arbitrary: it is chosen so that its largest entry is positive.
     q = q * np.sign(q[np.argmax(np.abs(q))])
-    p = p / (p @ q)
+    r = np.linalg.lstsq(a, q)[0] if double else q
+    if abs(p @ r) < _ORTHOGONAL * np.linalg.norm(r):
+        return math.nan, math.nan, double
+    p = p / (p @ r)
     curve = np.zeros((1, _ORDER, len(a)))
     curve[0, 0] = q
     (half,) = np.asarray(_coefficient(make, x, curve, order=2))
-    curve[0, 1] = -solve_bordered(a, q, p, half - (p @ half) * q)
+    quadratic, right = p @ half, half - (p @ half) * r
+    # What is added to h along q changes c only where a is not 0, and then c is one of many.
+    curve[0, 1] = -(np.linalg.lstsq(a, right)[0] if double else solve_bordered(a, q, p, right))
     (third,) = np.asarray(_coefficient(make, x, curve, order=3))
     length = float(np.linalg.norm(q * each))
-    return float(p @ half) / length, float(p @ third) / length**2
+    if abs(quadratic) < _SYMMETRIC:
+        quadratic = 0.0
+    return float(quadratic) / length, float(p @ third) / length**2, double
 
 
 def solve_bordered(a: np.ndarray, q: np.ndarray, p: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -180,8 +180,9 @@ def _with_coefficients(
         frequency = float(abs(solution.x[-1]))
         first = _first_lyapunov(make, x, point.jacobian, frequency)
         return dataclasses.replace(point, kind=kind, coefficient=first, frequency=frequency)
-    quadratic, cubic = null_form(make, x, point.jacobian, np.asarray(make.each))
-    return dataclasses.replace(point, kind=kind, coefficient=quadratic, cubic=cubic)
+    form = null_form(make, x, point.jacobian, np.asarray(make.each))
+    found = dict(zip(("coefficient", "cubic", "is_double"), form, strict=True))
+    return dataclasses.replace(point, kind=kind, **found)
 
 
 def _first_lyapunov(make: InUnits, x: np.ndarray, a: np.ndarray, frequency: float) -> float:

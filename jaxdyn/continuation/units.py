@@ -124,12 +124,13 @@ class Units(NamedTuple):
         time = self.time
         values, bars = (x / time for x in point.eigenvalues)
         fold = (point.kind if isinstance(point, Equilibrium) else point.curve) != Kind.HOPF
+        form = time**2 if isinstance(point, Equilibrium) and point.is_double else time
         common = {
             "state": point.state * self.each,
             "eigenvalues": Eigenvalues(values, bars),
             "frequency": point.frequency / time,
             # Lyapunov coefficients are relative to the frequency.
-            "coefficient": point.coefficient / (time if fold else 1.0),
+            "coefficient": point.coefficient / (form if fold else 1.0),
         }
         if isinstance(point, Equilibrium):
             tangent = point.tangent * self.x
@@ -139,7 +140,7 @@ class Units(NamedTuple):
                 parameter=float(point.parameter * self.parameters[0]),
                 slopes=point.slopes * (self.each[:, None] / time / self.x),
                 tangent=tangent / np.linalg.norm(tangent),
-                cubic=point.cubic / time,
+                cubic=point.cubic / form,
             )
         squares = np.full(len(point.unknowns) - len(point.x) - len(self.each), time**-2.0)
         units = np.concatenate([self.x, self.each, squares])

@@ -73,7 +73,7 @@ def diagram(
             ms=6,
             ls="",
             zorder=4,
-            label=str(point.kind),
+            label=point.name,
         )
     ax.set(xlabel=parameter, ylabel=label, title=readable(title))
     style(ax)

@@ -83,7 +83,7 @@ class Diagram:
     @_text.never_raising
     def __repr__(self) -> str:
         equilibria = [
-            " ".join(filter(None, (x.criticality, x.kind))) + f" at {_text.brief(x.parameter)}"
+            f"{x.name} at {_text.brief(x.parameter)}"
             for family in self.equilibria
             for x in family.special
         ]

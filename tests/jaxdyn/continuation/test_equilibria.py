@@ -82,9 +82,9 @@ def test_lorenz_branches_at_rho_1(down):
     (point,) = family.special
     assert point.kind == Kind.BRANCH
     assert abs(point.parameter - 1) < 1e-12
-    # A pitchfork: no quadratic term, and a negative cubic one, so that the branches are stable.
-    assert abs(point.coefficient) < 1e-12
-    assert point.cubic < 0
+    # No quadratic term, and a negative cubic one, so that the branches are stable.
+    assert point.coefficient == 0
+    assert point.name == "supercritical pitchfork"
     other = switch_branch(family, point, members=6, down=down)
     x, _, z = other.states.T
     assert ((x < 0) == down).all()
@@ -237,9 +237,38 @@ def test_bead_on_a_turning_hoop_branches_where_the_eigenvalue_0_is_double():
     (point,) = family.special
     assert point.kind == Kind.BRANCH
     np.testing.assert_allclose(point.x, [0, 0, 1], atol=1e-12)
-    assert math.isnan(point.coefficient)
+    # There theta'' = sin(theta) (cos(theta) - 1) = -theta^3 / 2.
+    assert point.coefficient == 0
+    assert point.cubic == pytest.approx(-0.5, rel=1e-12)
+    assert "supercritical pitchfork at 1" in repr(family)
     other = switch_branch(family, point, members=4)
     np.testing.assert_allclose(np.cos(other.states[:, 0]) * other.parameters, 1.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("time", [1.0, 1e-3, 5e4])
+def test_coefficients_of_conservative_scenes_are_per_time_squared(time):
+    # At the fold x = 1, p = 0 of x'' = p - (x - 1)^2 + 3 (x - 1)^3, in units of `time`.
+    def rate(t, y, p):
+        x = y[0] - 1.0
+        return [y[1], (p - x**2 + 3.0 * x**3) / time**2]
+
+    family = jaxdyn.continue_equilibria(_of(rate, 2), 0.01, [1.11, 0.0], within=(-1, 1), down=True)
+    fold = family.special[0]
+    assert (fold.name, fold.parameter) == ("fold", pytest.approx(0, abs=1e-12))
+    wanted = np.array([-1.0, 3.0]) / time**2
+    np.testing.assert_allclose([fold.coefficient, fold.cubic], wanted, rtol=1e-12)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_whether_a_pitchfork_is_supercritical(sign):
+    family = jaxdyn.continue_equilibria(
+        _of(lambda t, y, p: [p * y[0] - sign * y[0] ** 3], 1), -0.5, [0.0], within=(-1, 1)
+    )
+    (point,) = family.special
+    assert point.criticality == ("supercritical" if sign > 0 else "subcritical")
+    transcritical = _of(lambda t, y, p: [p * y[0] - sign * y[0] ** 2], 1)
+    (point,) = jaxdyn.continue_equilibria(transcritical, -0.5, [0.0], within=(-1, 1)).special
+    assert (point.name, point.criticality) == ("branch point", "")
 
 
 def test_a_constrained_scene_is_refused_by_name():
