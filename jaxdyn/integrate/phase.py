@@ -210,6 +210,11 @@ class HybridTrajectory(eqx.Module, Motion):
         )
 
     @property
+    def ok(self) -> bool:
+        """Whether the span or an exit to `END` was reached."""
+        return self.status == Status.OK
+
+    @property
     def times(self) -> tuple[float, ...]:
         """End time of each phase [s], including what the change of its exit lasts."""
         starts = [float(piece.ts[0]) for piece in self.pieces]

@@ -7,7 +7,8 @@ step is described relative to its own foot.
 
 - The rimless wheel of n spokes, 2 a = 2 pi / n apart, keeps the fraction cos 2a of its angular
   velocity in a step. Its gait has the angular velocity 2 cot 2a sqrt(g/l sin a sin slope) after a
-  step, and the multiplier cos^2 2a.
+  step, and the multiplier cos^2 2a. A wheel that is too slow rocks from spoke to spoke, infinitely
+  often in a finite time, and then rests on two of them. On a slope of a or more it rolls on.
 - The simplest walker has two legs, a mass at the hip and far smaller ones at the feet, so that the
   swing leg does not act on the stance leg. Its knees are stiff, so the swing foot passes through
   the ground when the legs are parallel; this is ignored.
@@ -17,6 +18,7 @@ References: McGeer (1990), Int. J. Robotics Research 9(2), 62; Garcia, Chatterje
 """
 
 import abc
+import dataclasses
 import math
 from typing import ClassVar
 
@@ -92,15 +94,22 @@ class StandsOnFoot(System):
 
 # ---- The rimless wheel
 
+#: Angular velocity after an impact, relative to the largest at the start, below which a wheel comes
+#: to rest. The steps that are left out are 1e-14 as high as the largest. At 1e-8 they would be lost
+#: in the rounding of the angle, and the wheel might rock on for ever.
+_LEAST_RATE = 1e-7
+
 
 class RimlessWheel(StandsOnFoot):
     """A wheel of equal spokes without a rim, with its mass at the hub, standing on one spoke.
 
     Attributes:
       spokes: number of spokes.
+      rests: whether it rests on two spokes.
     """
 
     spokes: int = eqx.field(static=True)
+    rests: bool = eqx.field(static=True, default=False)
     mass_called = "hub"
     leg_called = "spoke"
 
@@ -114,12 +123,30 @@ class RimlessWheel(StandsOnFoot):
 
     @property
     def second_order(self):
-        return True
+        return not self.rests
 
     def rate(self, t, y, effects):
         del t, effects
+        if self.rests:
+            return jnp.zeros_like(y)
         theta, omega = y
         return jnp.stack([omega, self.g / self.l * jnp.sin(theta)])
+
+    def on_two_spokes(self, y: Array) -> Array:
+        """(2,) the state of a wheel at rest on its spoke and on the one that is nearer to landing.
+
+        Of the two, it is described relative to the same spoke as y.
+        """
+        ahead = y[0] >= self.slope
+        return jnp.stack([self.slope + jnp.where(ahead, self.half, -self.half), 0.0 * y[1]])
+
+    def room(self) -> Array:
+        """() angle [rad] from straight below the hub to the nearer of the two feet at rest."""
+        return self.half - jnp.abs(self.slope)
+
+    def project(self, t, y):
+        del t
+        return self.on_two_spokes(y) if self.rests else y
 
     def lean(self, y):
         return y[0], y[1]
@@ -133,6 +160,8 @@ class RimlessWheel(StandsOnFoot):
 
     def bounds(self, t, y, effects):
         del t, effects
+        if self.rests:
+            return {"the tipping of the wheel": self.room()}
         return {"the impact of the next spoke": self.half - jnp.abs(y[0] - self.slope)}
 
     def check(self, t, y):
@@ -156,17 +185,40 @@ class SpokeLands(Event):
         return self.way
 
 
+class Tips(Event):
+    """The hub of a wheel at rest is not between its two feet."""
+
+    wheel: RimlessWheel
+
+    def value(self, t, y):
+        del t, y
+        return self.wheel.room()
+
+    @property
+    def direction(self):
+        return -1
+
+
 class NextSpoke(eqx.Module):
-    """The state of a rimless wheel on its next spoke, ahead (way 1) or behind (-1)."""
+    """The state of a rimless wheel on its next spoke, ahead (way 1) or behind (-1).
+
+    Attributes:
+      wheel: the wheel.
+      way: 1 or -1.
+      least: angular velocity [rad/s] below which it comes to rest.
+    """
 
     wheel: RimlessWheel
     way: int = eqx.field(static=True)
+    least: Array
 
     def __call__(self, t: Array, y: Array) -> Array:
         """(2,) state after the impact."""
         del t
         between = 2 * self.wheel.half
-        return jnp.stack([y[0] - self.way * between, math.cos(between) * y[1]])
+        after = jnp.stack([y[0] - self.way * between, math.cos(between) * y[1]])
+        rests = (jnp.abs(after[1]) <= self.least) & (self.wheel.room() > 0)
+        return jnp.where(rests, self.wheel.on_two_spokes(after), after)
 
 
 @ready_made(renamed=RENAMED)
@@ -174,7 +226,7 @@ def rimless_wheel(*, spokes=8, slope=0.08, length=1.0, g=1.0, omega=0.4, t1=5.0)
     """A wheel of spokes without a rim that rolls down a slope, on one spoke after the other.
 
     It starts on a spoke that has just landed. Its rate is that of one step: `phases_of` has its
-    motion from step to step, for `jaxdyn.integrate.phases.simulate_phases`. With the default
+    motion from step to step, and its rest where it is too slow to roll on, for `jaxdyn.integrate.phases.simulate_phases`. With the default
     numbers the gait has the angular velocity 0.3497543674325097 after a step, and the multiplier
     1/2. McGeer (1990), Int. J. Robotics Research 9(2), 62.
 
@@ -193,10 +245,18 @@ def rimless_wheel(*, spokes=8, slope=0.08, length=1.0, g=1.0, omega=0.4, t1=5.0)
 
 @check_first
 def roll_phases(scene: Scene) -> dict[str, Phase]:
-    """The motion of a `rimless_wheel` as a phase, which a spoke ahead or behind it ends."""
+    """The phases of a `rimless_wheel`: at rest, and a roll that a spoke ahead or behind it ends."""
     wheel = scene.system
-    exits = [Exit(SpokeLands(wheel, way), "roll", NextSpoke(wheel, way)) for way in (1, -1)]
-    return {"roll": Phase(scene, tuple(exits))}
+    at_rest = dataclasses.replace(scene, system=dataclasses.replace(wheel, rests=True))
+    least = _LEAST_RATE * jnp.sqrt(wheel.g / wheel.l + scene.y0[1] ** 2)
+    exits = [
+        Exit(SpokeLands(wheel, way), ("rest", "roll"), NextSpoke(wheel, way, least))
+        for way in (1, -1)
+    ]
+    return {
+        "rest": Phase(at_rest, (Exit(Tips(wheel), "roll"),)),
+        "roll": Phase(scene, tuple(exits)),
+    }
 
 
 # ---- The simplest walker

@@ -22,7 +22,7 @@ from jaxdyn.integrate.phases import simulate_phases
 from jaxdyn.player import choices, pages
 from jaxdyn.player.choices import Choices
 from jaxdyn.player.model import _drawing, _parameters, model
-from jaxdyn.scenes import catalogue
+from jaxdyn.scenes import catalogue, walkers
 from jaxdyn.scenes.corners import has_corners
 from orbits.discovery import seeds
 
@@ -209,9 +209,19 @@ def test_bounces_that_get_lower_end_at_rest():
 
 
 @needs_node
-def test_impacts_without_end_end_a_motion():
-    # On level ground a wheel of spokes rocks to rest.
+def test_a_wheel_of_spokes_rocks_to_rest():
     wheel = scenes.rimless_wheel(slope=0.0)
+    run = "[run(model, 20)].map((s) => [s.failed, s.t, s.at(20)])[0]"
+    failed, t, (angle, rate) = node(run, wheel)
+    assert (failed, t >= 20, rate) == ("", True, 0)
+    assert abs(angle) == pytest.approx(np.pi / 8, rel=1e-12)
+
+
+@needs_node
+def test_impacts_without_end_end_a_motion(monkeypatch):
+    # A wheel that cannot rest on two spokes.
+    monkeypatch.setattr(walkers.RimlessWheel, "room", lambda wheel: jnp.asarray(-1.0))
+    wheel = scenes.rimless_wheel(slope=0.0, spokes=9)
     failed, t = node("[run(model, 20)].map((s) => [s.failed, s.t])[0]", wheel)
     assert failed == "impacts without end"
     rocks = simulate_phases(scenes.phases_of(wheel), None, wheel.y0, 20.0, samples=1)

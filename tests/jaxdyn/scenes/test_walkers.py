@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import SOLVED
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 
 from jaxdyn import scenes, simulate
 from jaxdyn.analysis import energy
@@ -44,6 +44,32 @@ def test_a_wheel_that_is_too_slow_rolls_back():
     # From one spoke to the next at rest it keeps cos 45 degrees of its speed.
     speeds = [abs(float(piece.ys[0, 1])) for piece in motion.pieces]
     np.testing.assert_allclose(np.array(speeds[1:]) / speeds[:-1], math.cos(math.pi / 4))
+
+
+def test_a_wheel_on_level_ground_rocks_to_rest_on_two_spokes():
+    wheel = scenes.rimless_wheel(slope=0.0, omega=0.3)
+    motion = _motion(wheel, 30.0, samples=2)
+    assert motion.names[-1] == "rest" and bool(motion.ok)
+    np.testing.assert_allclose(np.abs(motion.y), [math.pi / 8, 0.0], rtol=1e-12)
+
+    def lasts(omega):
+        """The time in which it rises from a spoke and falls back: the integral of d omega / rate."""
+
+        def inverse_rate(speed):
+            cosine = math.cos(math.pi / 8) + (omega**2 - speed**2) / 2
+            return 1 / math.sqrt(1 - cosine**2)
+
+        return 2 * quad(inverse_rate, 0, omega, epsabs=0, epsrel=1e-13)[0]
+
+    rocks = sum(lasts(0.3 * math.cos(math.pi / 4) ** n) for n in range(100))
+    assert float(motion.pieces[-1].ts[0]) == pytest.approx(rocks, abs=2e-6)  # rest: below 1e-7
+
+
+def test_where_a_wheel_may_rest():
+    # Up to the slope at which its hub is above a foot: there it tips, also from rest.
+    for slope, name in ((0.39, "rest"), (0.395, "roll"), (-0.39, "rest"), (-0.395, "roll")):
+        wheel = scenes.rimless_wheel(slope=slope, omega=0.0)
+        assert _motion(wheel, 0.5, samples=2).names[0] == name
 
 
 def test_the_simplest_walker_walks_in_its_published_gait():
