@@ -226,9 +226,10 @@ def rimless_wheel(*, spokes=8, slope=0.08, length=1.0, g=1.0, omega=0.4, t1=5.0)
     """A wheel of spokes without a rim that rolls down a slope, on one spoke after the other.
 
     It starts on a spoke that has just landed. Its rate is that of one step: `phases_of` has its
-    motion from step to step, and its rest where it is too slow to roll on, for `jaxdyn.integrate.phases.simulate_phases`. With the default
-    numbers the gait has the angular velocity 0.3497543674325097 after a step, and the multiplier
-    1/2. McGeer (1990), Int. J. Robotics Research 9(2), 62.
+    motion from step to step, and its rest where it is too slow to roll on, for
+    `jaxdyn.integrate.phases.simulate_phases`. With the default numbers the gait has the angular
+    velocity 0.3497543674325097 after a step, and the multiplier 1/2. McGeer (1990), Int. J.
+    Robotics Research 9(2), 62.
 
     Args:
       spokes: number of spokes, at least 5.

@@ -49,11 +49,12 @@ def test_a_wheel_that_is_too_slow_rolls_back():
 def test_a_wheel_on_level_ground_rocks_to_rest_on_two_spokes():
     wheel = scenes.rimless_wheel(slope=0.0, omega=0.3)
     motion = _motion(wheel, 30.0, samples=2)
-    assert motion.names[-1] == "rest" and bool(motion.ok)
+    assert motion.names[-1] == "rest"
+    assert motion.ok
     np.testing.assert_allclose(np.abs(motion.y), [math.pi / 8, 0.0], rtol=1e-12)
 
     def lasts(omega):
-        """The time in which it rises from a spoke and falls back: the integral of d omega / rate."""
+        """The time in which it rises from a spoke and falls back, as an integral over omega."""
 
         def inverse_rate(speed):
             cosine = math.cos(math.pi / 8) + (omega**2 - speed**2) / 2
