@@ -21,7 +21,7 @@ BELOW = {
     "jaxdyn/ball_arithmetic": ("jaxdyn/solvers",),
     "jaxdyn/formulations": ("jaxdyn/geometry",),
     "jaxdyn/mechanisms": ("jaxdyn/formulations",),
-    "jaxdyn/symbolic": ("jaxdyn/solvers", "jaxdyn/mechanisms", "jaxdyn/effects"),
+    "jaxdyn/symbolic": ("jaxdyn/solvers", "jaxdyn/mechanisms", "jaxdyn/effects", "jaxdyn/scenes"),
     "jaxdyn/plan": ("jaxdyn",),
     "jaxdyn/integrate": ("jaxdyn/solvers", "jaxdyn/plan"),
     "jaxdyn/ensemble": ("jaxdyn/integrate",),

@@ -141,13 +141,17 @@ class AfterImpact(eqx.Module):
 
     def __call__(self, t: Array, y: Array) -> Array:
         """(3,) state after the impact."""
+        x, v, phase = self.law(t, y)
+        at_rest = self.body.on_wall(phase)
+        rests = (jnp.abs(v - at_rest[1]) <= self.least) & (self.body.push(phase) > 0)
+        return jnp.where(rests, at_rest, jnp.stack([x, v, phase]))
+
+    def law(self, t: Array, y: Array) -> Array:
+        """(3,) state after an impact that does not end in rest."""
         del t
         x, v, phase = y
-        place, speed, _ = self.body.on_wall(phase)
-        bounce = self.body.restitution * (speed - v)
-        rests = (jnp.abs(bounce) <= self.least) & (self.body.push(phase) > 0)
-        bounce = jnp.where(rests, 0.0, bounce)
-        return jnp.stack([jnp.where(rests, place, x), speed + bounce, phase])
+        speed = self.body.on_wall(phase)[1]
+        return jnp.stack([x, speed + self.body.restitution * (speed - v), phase])
 
 
 def _phases(scene: Scene, impact: type[Impact], moving: str) -> dict[str, Phase]:

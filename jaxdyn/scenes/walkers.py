@@ -214,11 +214,15 @@ class NextSpoke(eqx.Module):
 
     def __call__(self, t: Array, y: Array) -> Array:
         """(2,) state after the impact."""
-        del t
-        between = 2 * self.wheel.half
-        after = jnp.stack([y[0] - self.way * between, math.cos(between) * y[1]])
+        after = self.law(t, y)
         rests = (jnp.abs(after[1]) <= self.least) & (self.wheel.room() > 0)
         return jnp.where(rests, self.wheel.on_two_spokes(after), after)
+
+    def law(self, t: Array, y: Array) -> Array:
+        """(2,) state after an impact that does not end in rest."""
+        del t
+        between = 2 * self.wheel.half
+        return jnp.stack([y[0] - self.way * between, math.cos(between) * y[1]])
 
 
 @ready_made(renamed=RENAMED)

@@ -2,16 +2,16 @@
 
 `equations` prints the equations of motion of a scene, `deriving` derives them for each kind of
 system, `following` those of a linkage described by its crank angle, `reactions` the forces of
-constraints; `sections` has lines of print under titles. `linear` and `matrices` have their
-derivatives. The equations consist of expressions of `algebra`, which `reading` extracts from the
-programs of a scene; `symbols` names its quantities.
+constraints, `impacts` what an impact changes; `sections` has lines of print under titles. `linear`
+and `matrices` have their derivatives. The equations consist of expressions of `algebra`, which
+`reading` extracts from the programs of a scene; `symbols` names its quantities.
 `trigonometry` and `simplifying` shorten them, `arranging` puts them in a readable order,
 `typesetting` writes them as text, LaTeX and MathML, and `to_sympy` converts them to SymPy.
 
 `parameters` has the numbers of a scene by name, `code` writes its rate as a function in another
 language.
 
-May import: `solvers`, `mechanisms`, `effects`.
+May import: `solvers`, `mechanisms`, `effects`, `scenes`.
 
 To add a kind of system, write a function in `deriving` and a line in `derive`; to add a language, a
 row of `LANGUAGES` in `code`; to add an output format, a `Style` in `typesetting`.

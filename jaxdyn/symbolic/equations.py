@@ -34,6 +34,7 @@ from jaxdyn.symbolic.arranging import (
 )
 from jaxdyn.symbolic.code import code
 from jaxdyn.symbolic.deriving import derive
+from jaxdyn.symbolic.impacts import impacts
 from jaxdyn.symbolic.linear import Linear, jacobian
 from jaxdyn.symbolic.matrices import Matrices, index_of
 from jaxdyn.symbolic.sections import Line, Note, Printed, Section, functions_in
@@ -56,9 +57,9 @@ class Equations(Printed):
 
     Attributes:
       scene: the scene.
-      sections: "motion", "constraints", "lengths" (names for lengths and ratios), "reactions"
-        (forces of constraints that have short formulas), "energies", "momenta", "symbols" (meanings
-        of symbols and functions) and "parameters".
+      sections: "motion", "impacts", "constraints", "lengths" (names for lengths and ratios),
+        "reactions" (forces of constraints that have short formulas), "energies", "momenta",
+        "symbols" (meanings of symbols and functions) and "parameters".
       parameters: the symbols of parameters in print, and their values in the scene.
     """
 
@@ -82,7 +83,8 @@ class Equations(Printed):
             Line(_named(name), of_energy(complete_squares(short(x))))
             for name, x in found.energies.items()
         ]
-        lines, constant = self._constant_energy()
+        hits = self._impacts()
+        lines, constant = self._constant_energy(" between impacts" if hits.lines else "")
         energies += lines
         reactions = [
             Line(as_expression(one.symbol), factor_common(short(one.value)))
@@ -94,6 +96,7 @@ class Equations(Printed):
         ]
         sections = [
             self._motion(),
+            hits,
             Section("constraints", "Constraints", tuple(conditions)),
             Section("lengths", "with", tuple(definitions)),
             Section("reactions", "Forces of constraints", tuple(reactions)),
@@ -115,13 +118,13 @@ class Equations(Printed):
         sections.append(Section("parameters", "Parameters", tuple(values), remarks=remarks))
         super().__init__(part for part in sections if part.lines or part.notes)
 
-    def _constant_energy(self) -> tuple[list[Line], tuple[Note, ...]]:
+    def _constant_energy(self, when: str) -> tuple[list[Line], tuple[Note, ...]]:
         """T + V if it is constant, or Jacobi's integral; and the note that says so."""
         found, of = self._derived, self._derived.energies
         taken = {s.name for s in (*found.symbols.state, *found.symbols.values, *found.values)}
         if found.constant_energy is None or not of or taken & {"E", "h"}:
             return [], ()
-        constant = (Note(_named("E"), "the energy, which is constant"),)
+        constant = (Note(_named("E"), f"the energy, which is constant{when}"),)
         if "E" in of:
             return [], constant
         if of.keys() == {"T", "V"} and not (found.constant_energy - of["T"] - of["V"]).expand():
@@ -148,6 +151,13 @@ class Equations(Printed):
             lines = [self._line(x, force) for x, force in zip(laws, forces, strict=True)]
         lines += [self._line(x, number(0)) for x in conditions]
         return Section("motion", law, tuple(lines))
+
+    def _impacts(self) -> Section:
+        lines, short = [], self._lengths
+        for where, after in impacts(self.scene, self._derived.symbols):
+            lines.append(_condition(short(where)))
+            lines += [Line(as_expression(s), collect(short(x))) for s, x in after.items()]
+        return Section("impacts", "Impacts: the place, and the state just after (+)", tuple(lines))
 
     def _line(self, whole: Expression, force: Expression) -> Line:
         """One equation: terms with the motion on the left, forces without a potential right."""
@@ -410,7 +420,8 @@ def equations(scene: Scene) -> Equations:
     Terms with a parameter that is 0 in the scene are left out. Isolated points where a formula is
     undefined, such as the direction of a spring of length 0, are ignored. Quaternions have length
     1, and the distance of the ends of a rod is written as its length. Numerical stabilisation of
-    constraints is not shown.
+    constraints is not shown. Where impacts end a phase of a motion, their law is printed, and the
+    equations are those between impacts.
 
     Args:
       scene: any that has formulas.

@@ -19,6 +19,7 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scenes import catalogue
 from jaxdyn.symbolic import parameters, with_parameters
 from jaxdyn.symbolic.algebra import ONE, Expression, Group, Symbol, as_expression
+from jaxdyn.symbolic.deriving import derive
 from jaxdyn.symbolic.symbols import GREEK
 from jaxdyn.symbolic.typesetting import TEXT
 
@@ -116,6 +117,39 @@ def test_what_is_printed_is_the_rate(name):
         y = _on_constraints(scene, t, y)
         wanted = np.asarray(rate(scene, t, y))
         assert np.abs(found.rate(t, y) - wanted).max() <= ROUNDING * np.abs(wanted).max()
+
+
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [("ball_on_table", 1), ("impact_oscillator", 1), ("rimless_wheel", 2), ("simplest_walker", 1)],
+)
+def test_impacts_in_print_are_those_of_the_phases(name, count):
+    scene = ZOO[name].make()
+    found = jaxdyn.equations(scene)
+    printed = next(part for part in found.sections if part.name == "impacts").lines
+    (phase,) = (x for x in scenes.phases_of(scene).values() if x.scene.system is scene.system)
+    assert len(phase.exits) == count
+    states = np.random.default_rng(5).normal(size=(STATES, len(scene.y0)))
+    state = derive(scene).symbols.state
+    for y in states:
+        values = found.at(0.0, y)
+        rest = list(printed)
+        for way in phase.exits:
+            where = rest.pop(0)
+            place = where.left.value(values) - where.right.value(values)
+            assert abs(place) == pytest.approx(abs(float(way.event.value(0.0, jnp.asarray(y)))))
+            after = dict(zip([f"{s.name}+" for s in state], y, strict=True))
+            while rest and next(iter(rest[0].left.symbols())).name in after:
+                line = rest.pop(0)
+                after[next(iter(line.left.symbols())).name] = line.right.value(values)
+            wanted = getattr(way.change, "law", way.change)(0.0, y)
+            np.testing.assert_allclose(list(after.values()), wanted, rtol=ROUNDING, atol=ROUNDING)
+        assert not rest
+
+
+def test_smooth_scenes_and_rolling_have_no_impacts():
+    for scene in (scenes.pendulum(), scenes.cylinder_on_ramp()):
+        assert "impacts" not in [part.name for part in jaxdyn.equations(scene).sections]
 
 
 #: A token of printed text: a name with its primes, a number, or a sign.
