@@ -1,9 +1,11 @@
 """Numbers of an orbit by which families are drawn: extremes, amplitudes, means, phases of entries.
 
-A quantity is a function of an orbit, or its name: "period", "energy", and with the name of an entry
-of the state "max x", "min x", "amplitude x" (half of the difference of these), "mean x" and
-"phase x" (that of its first harmonic over the period, in radians, behind a cosine). In the
-functions below, a function (t, y) that returns a number may take the place of an entry.
+A quantity is a function of an orbit, or its name: "period", "energy", "jacobi" (Jacobi's constant
+of restricted three-body scenes), "multiplier" (the largest absolute value of the non-trivial
+Floquet multipliers), and with the name of an entry of the state "max x", "min x", "amplitude x"
+(half of the difference of these), "mean x" and "phase x" (that of its first harmonic over the
+period, in radians, behind a cosine). In the functions below, a function (t, y) that returns a
+number may take the place of an entry.
 """
 
 import functools
@@ -19,7 +21,9 @@ from jaxdyn._checks import check_first, choice, fail
 from jaxdyn._text import name_of, second
 from jaxdyn.analysis.energy import energy
 from jaxdyn.plan import plan_of
+from jaxdyn.scenes.restricted import jacobi_constant, restricted
 from jaxdyn.vibration.inputs import Output
+from orbits.analysis.stability import stability
 from orbits.orbit import Orbit
 
 #: Samples of a period. The error of the polynomial of degree 5 between two samples h apart is
@@ -192,6 +196,12 @@ def _within(ts: np.ndarray, parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return new, (np.arange(_SAMPLES) % n < n - 1) & (np.arange(_SAMPLES) < len(each))
 
 
+_OF_ORBITS: dict[str, Quantity] = {
+    "period": lambda orbit: orbit.period,
+    "energy": lambda orbit: float(energy(orbit.scene, 0.0, orbit.y0)),
+    "jacobi": lambda orbit: float(jacobi_constant(orbit.scene, orbit.y0)),
+    "multiplier": lambda orbit: float(np.abs(stability(orbit).nontrivial).max(initial=0.0)),
+}
 _OF_ENTRIES: dict[str, Callable[[Orbit, Output], float]] = {
     "max": lambda orbit, entry: extremes(orbit, entry)[1],
     "min": lambda orbit, entry: extremes(orbit, entry)[0],
@@ -211,13 +221,11 @@ def quantity(what: str | Quantity) -> Quantity:
     """
     if callable(what):
         return what
-    wanted = "a function of an orbit, or a name such as period, energy or amplitude x"
+    wanted = f"a function of an orbit, or a name: {', '.join(_OF_ORBITS)} or amplitude x"
     if not isinstance(what, str):
         raise fail("quantity", wanted, repr(what))
-    if what == "period":
-        return lambda orbit: orbit.period
-    if what == "energy":
-        return lambda orbit: float(energy(orbit.scene, 0.0, orbit.y0))
+    if what in _OF_ORBITS:
+        return _OF_ORBITS[what]
     word, _, entry = what.partition(" ")
     if word not in _OF_ENTRIES or not entry:
         names = ", ".join(f"{word} NAME" for word in _OF_ENTRIES)
@@ -231,6 +239,8 @@ def check_quantity(what: str | Quantity, scene: Scene) -> None:
     word, _, entry = what.partition(" ") if isinstance(what, str) else ("", "", "")
     if word in _OF_ENTRIES:
         choice("entry", entry, [name for name, _ in scene.labels()])
+    elif word == "jacobi":
+        restricted(scene)
     elif word == "energy" and not scene.has_energy:
         raise fail("quantity", "one of a scene without an energy", "energy")
 

@@ -28,7 +28,11 @@ SceneOfFile = Annotated[
     ),
 ]
 QuantityOption = Annotated[
-    str, typer.Option(metavar="WHAT", help="To draw: energy, amplitude x, max x, mean x, phase x.")
+    str,
+    typer.Option(
+        metavar="WHAT",
+        help="To draw: energy, jacobi, multiplier, amplitude x, max x, mean x, phase x.",
+    ),
 ]
 SaveOption = Annotated[Path | None, output_option(writable, "Write a file (.json).", "--save")]
 

@@ -50,9 +50,9 @@ def family(
     Args:
       listed: a family, or a list of one, from `family_files.load`.
       path: file to write, .png, .pdf or .svg.
-      quantity: "period", "energy", "amplitude x", "max x", "min x", "mean x" or "phase x" of an
-        entry x of the state, or a function from an orbit to a number; see
-        `orbits.analysis.quantities`.
+      quantity: "period", "energy", "jacobi", "multiplier"; "amplitude x", "max x", "min x",
+        "mean x" or "phase x" of an entry x of the state; or a function from an orbit to a number.
+        See `orbits.analysis.quantities`.
       parameter: name of the parameter of a family in the picture.
       title: its title; the scene with the numbers that all orbits share by default, "" for none.
     Raises:

@@ -11,6 +11,7 @@ from jaxdyn import scenes
 from jaxdyn.analysis.energy import energy
 from orbits.analysis import quantities
 from orbits.analysis.quantities import amplitude, extremes, mean, phase, quantity
+from orbits.discovery.libration import near_libration_point
 
 
 @pytest.fixture(scope="module")
@@ -106,11 +107,12 @@ def test_names_mean_the_functions(driven):
 @pytest.mark.parametrize(
     ("what", "message"),
     [
-        ("x", "quantity: expected a function of an orbit, or a name .* got 'x'. Of entries"),
+        ("x", "quantity: expected a function of an orbit, or a name: .* got 'x'. Of entries"),
         ("amplitude", "Of entries there are max NAME, min NAME, amplitude NAME, mean NAME"),
         (3, "quantity: expected a function of an orbit"),
         ("max y", "entry: expected one of v, x, got 'y'"),
         ("energy", "quantity: expected one of a scene without an energy, got energy"),
+        ("jacobi", "scene: expected a restricted three-body scene"),
     ],
 )
 def test_what_is_refused(driven, what, message):
@@ -143,6 +145,23 @@ def test_the_command_refuses_a_quantity_before_it_follows_the_family(command, tm
     assert code == 2
     assert "entry: expected one of theta, theta_dot, got 'x'" in err
     assert out.count("period") < 20
+
+
+@pytest.mark.slow
+def test_the_jacobi_constant_and_the_multiplier_of_a_lyapunov_orbit():
+    scene = scenes.restricted_three_body_in_space(system="earth-moon")
+    guess = near_libration_point(scene, "lyapunov", "L1", amplitude=5e3)
+    start, mirror = scene.starting(guess.y0), orbits.closing.mirror(scene)
+    orbit = orbits.find(start, period=guess.period, closing=mirror, hold="x")
+    mu, km, second = float(scene.system.mu), *np.asarray(scene.system.units)[[0, 3]]
+    (x, y, z), v = np.split(np.asarray(orbit.y0) / np.repeat([km, second], 3), 2)
+    apart = [np.linalg.norm([x + mu, y, z]), np.linalg.norm([x + mu - 1, y, z])]
+    wanted = x**2 + y**2 + 2 * (1 - mu) / apart[0] + 2 * mu / apart[1] - v @ v
+    assert quantity("jacobi")(orbit) == pytest.approx(wanted, rel=1e-13)
+    # The index of the saddle is (l + 1 / l) / 2 for its multipliers l and 1 / l.
+    largest = quantity("multiplier")(orbit)
+    assert max(orbits.stability(orbit).indices) == pytest.approx((largest + 1 / largest) / 2)
+    assert quantities.unit("jacobi", orbit.scene) == "1"
 
 
 @pytest.mark.slow
