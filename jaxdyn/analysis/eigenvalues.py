@@ -6,7 +6,14 @@ eigenvalues cond is infinite; Elsner's bound
 
     (2 |A|)^(1 - 1/k) |E|^(1/k)
 
-holds there too, and is taken where it is smaller. (All norms of matrices are 2-norms.)
+holds there too, and is taken where it is smaller. (All norms of matrices are 2-norms.) A simple
+eigenvalue beside multiple ones has parallel eigenvectors beside it, from which cond does not follow.
+With its vector x and others as an orthonormal basis, the matrix is [[value, h], [0, B]], and E
+moves the eigenvalue by at most
+
+    |E| (1 + 2 (|h| + |E|) / d),    d = sep - 2 |E|,
+
+with sep the least singular value of B - value, if |E| (|h| + |E|) < d^2 / 4.
 
 A bar is that bound for an error of `ERROR_SAFETY` times the one stated, which includes rounding. A
 verdict is "undecided" wherever a bar does not settle it.
@@ -86,8 +93,13 @@ def eigenvalues(matrix, error=0.0, changes=None, unseen=0.0) -> Eigenvalues:
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         left = (_adjoint(vh) / s[..., None, :]) @ _adjoint(u)
         condition = np.linalg.norm(left, axis=-1) * np.linalg.norm(right, axis=-2)
-        # It is infinite or NaN for parallel eigenvectors, where Elsner's bound is taken.
+        # It is infinite or NaN for parallel eigenvectors.
         bars = np.fmin(condition * wrong, elsner)
+        for place in zip(*np.nonzero(bars == elsner), strict=True):
+            *which, i = place
+            vector, value = right[(*which, slice(None), i)], values[place]
+            apart = _move_alone(matrix[tuple(which)], value, vector, float(wrong[(*which, 0)]))
+            bars[place] = np.fmin(bars[place], apart)
         if changes is not None:
             moved = np.abs(left @ np.asarray(changes) @ right).max(axis=0)
             least = (ERROR_SAFETY * (ROUNDING * size + unseen))[..., None, None]
@@ -95,6 +107,19 @@ def eigenvalues(matrix, error=0.0, changes=None, unseen=0.0) -> Eigenvalues:
             unsure = least * lengths[0][..., :, None] * lengths[1][..., None, :]
             bars = np.fmin(bars, _radii(values, _SAFETY_ENTRIES * moved + unsure))
     return Eigenvalues(values.astype(complex), bars)
+
+
+def _move_alone(a: np.ndarray, value: complex, vector: np.ndarray, error: float) -> float:
+    """How far a simple eigenvalue moves, from the part of the matrix beside it; NaN if unknown."""
+    basis = np.linalg.qr(np.column_stack([vector, np.eye(len(a))]))[0]
+    x, others = basis[:, 0], basis[:, 1:]
+    beside = others.conj().T @ a @ others
+    above = np.linalg.norm(x.conj() @ a @ others) + error
+    shifted = beside - value * np.eye(len(beside))
+    room = np.linalg.svd(shifted, compute_uv=False).min(initial=np.inf) - 2 * error
+    if not room > 0 or error * above >= room**2 / 4:
+        return np.nan
+    return error * (1 + 2 * above / room)
 
 
 def _radii(values: np.ndarray, error: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from helpers import DIFFED, EXACT, Arm, central_difference, gap, refusal
 from jaxdyn import Effect, Scene, ode, simulate
 from jaxdyn.analysis import linearize
 from jaxdyn.analysis.constraints import conditioning
-from jaxdyn.analysis.eigenvalues import ERROR_SAFETY, ROUNDING
+from jaxdyn.analysis.eigenvalues import ERROR_SAFETY, ROUNDING, eigenvalues
 from jaxdyn.analysis.equilibria import equilibria, equilibrium
 from jaxdyn.effects import SpringNetwork, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
@@ -59,6 +59,26 @@ def test_error_bars_cover_the_split_of_a_defective_eigenvalue():
     off = np.abs(found.eigenvalues - 2.0)
     assert (off < found.bars).all()
     assert off.max() > 1e-7  # far above rounding
+
+
+@pytest.mark.parametrize("error", [0.0, 1e-7])
+def test_simple_eigenvalues_beside_defective_ones_have_their_own_bars(error):
+    rng = np.random.default_rng(3)
+    # Five double zeros, as many conserved quantities leave them, and a pair.
+    plain = np.zeros((12, 12))
+    plain[range(0, 10, 2), range(1, 11, 2)] = 1.0
+    plain[10, 10], plain[11, 11] = 2.5, -2.5
+    a = plain + np.triu(rng.normal(size=(12, 12)), 10)
+    for _ in range(20):
+        e = rng.normal(size=a.shape)
+        moved = a + error * e / np.linalg.norm(e, 2)
+        values, bars = eigenvalues(a, error / ERROR_SAFETY)
+        others = np.linalg.eigvals(moved)
+        for wanted in (2.5, -2.5):
+            which = np.argmin(np.abs(values - wanted))
+            off = np.abs(others - values[which]).min()
+            assert off <= bars[which] < max(100 * error, 1e-12)
+    assert bars[np.argmin(np.abs(values))] > 0.1  # of a double zero
 
 
 @pytest.mark.parametrize("size", [1.0, 1e10, 1e20, 1e25])
