@@ -6,10 +6,11 @@ eigenvalues cond is infinite; Elsner's bound
 
     (2 |A|)^(1 - 1/k) |E|^(1/k)
 
-holds there too, and is taken where it is smaller. (All norms of matrices are 2-norms.) A simple
-eigenvalue beside multiple ones has parallel eigenvectors beside it, from which cond does not follow.
-With its vector x and others as an orthonormal basis, the matrix is [[value, h], [0, B]], and E
-moves the eigenvalue by at most
+holds there too, and is taken where it is smaller. (All norms of matrices are 2-norms.)
+
+Where other eigenvalues have parallel vectors, the condition number of a simple one does not follow
+from all vectors. With its own vector first in an orthonormal basis, the matrix is
+[[value, h], [0, B]], and E moves the eigenvalue by at most
 
     |E| (1 + 2 (|h| + |E|) / d),    d = sep - 2 |E|,
 

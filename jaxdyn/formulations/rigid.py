@@ -207,7 +207,7 @@ class RigidBody(System):
 
     def check(self, t, y):
         del t
-        check_matter(self.matter)
+        check_matter(self.matter, self.pivoted)
         if _checks.is_traced((self, y)):
             return
         a = y[:-3] if self.pivoted else y[3:-6]
@@ -270,13 +270,29 @@ def gyroscopic_torque(inertia: Array, omega: Array) -> Array:
     )
 
 
+#: Distance of a mass centre from the origin, relative to the size of its body, by rounding.
+_CENTRED = 1e-9
+
+
 @check_first
-def check_matter(matter: MaterialPoints) -> None:
-    """Raise ValueError for points that are not a rigid body: without mass, or all on one line."""
+def check_matter(matter: MaterialPoints, pivoted: bool) -> None:
+    """Raise ValueError for points that are not a rigid body: without mass, or all on one line.
+
+    Those of a free body are about their mass centre, unless they were replaced by others.
+    """
     if _checks.is_traced(matter):
         return
     # A single point may have no mass, or a negative one: a hole.
     _checks.positive("mass", np.asarray(matter.m).sum(), "Masses are in kg.")
+    r, m = (np.asarray(x) for x in matter)
+    off = np.abs(m @ r).max()
+    if not pivoted and off > _CENTRED * (np.abs(m) @ np.abs(r)).max():
+        raise _checks.fail(
+            "matter",
+            "points of a free body about their mass centre",
+            f"one {off / m.sum():.3g} from the origin",
+            "Make the body again from these points, which moves them.",
+        )
     moments = np.asarray(_moments(matter))
     if not moments[0] > 1e-12 * moments[2]:
         raise _checks.fail(

@@ -131,7 +131,7 @@ class EulerBody(Mechanism):
 
     def check(self):
         _checks.choice("sequence", self.sequence, SEQUENCES)
-        check_matter(self.matter)
+        check_matter(self.matter, self.pivoted)
 
     def _parts(self, q: Array) -> tuple[Array, Array]:
         return (jnp.zeros(3), q) if self.pivoted else (q[:3], q[3:])

@@ -210,7 +210,8 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         may = None
         if sizes is not None:
             sizes = grow(groups_of(args, y0), sizes, y1)
-            if not groups_of(args, y0).known:
+            # A method that damps makes nothing of rounding in fast modes, and keeps its sizes.
+            if not (groups_of(args, y0).known or self.method.damps):
                 reached = args, self.tolerance, self.time, sign * t1, h, y1, sizes
                 grown = jnp.any(sizes > _GROWN * seen)
                 new = lax.cond(any_lane(grown), lambda: _above_later_noise(*reached), lambda: sizes)
@@ -280,6 +281,9 @@ _GLIMPSE = 0.01
 #: Growth of a size after which rounding is looked at again, and the multiple of a step for which it
 #: counts at most: a place may be passed at once.
 _GROWN, _LONGER = 2.0, 16.0
+#: The error that rounding may allow is at most this part of the size of an entry. A step that is
+#: far too long leads to where rates are enormous, and so is their rounding, which would allow it.
+_MOST_NOISE = 1e-3
 
 
 class AtStart(NamedTuple):
@@ -433,7 +437,8 @@ def _above_later_noise(
     tangents = jnp.zeros((len(x), sizes.size // len(x) - 1))
     noise = jnp.concatenate([noise, tangents], 1).reshape(y.shape)
     start = AtStart(sizes, jnp.minimum(time, _LONGER * jnp.abs(h)), here, noise)
-    return above_noise(start, tolerance).sizes
+    most = jnp.where(tolerance[2] > 0, _MOST_NOISE / tolerance[2], 1.0) * sizes
+    return jnp.maximum(sizes, jnp.minimum(above_noise(start, tolerance).sizes, most))
 
 
 def state_of(y: Array) -> Array:

@@ -19,6 +19,7 @@ from jaxdyn.geometry.euler import matrix_from_euler
 from jaxdyn.geometry.inertia import Body, MaterialPoints, equimomental
 from jaxdyn.mechanisms.euler_body import EulerBody
 from jaxdyn.scenes.bodies import REPRESENTATIONS, free_body
+from jaxdyn.symbolic import parameters, with_parameters
 
 INERTIA = jnp.array([[3.0, 0.4, -0.2], [0.4, 2.5, 0.3], [-0.2, 0.3, 2.0]])
 MATTER = equimomental(Body(1.5, [0.2, -0.1, 0.6], INERTIA))
@@ -204,6 +205,11 @@ def test_what_is_refused():
         Scene(NewtonEuler(EulerBody(weightless)), (), y0=FREE[2].y0).check()
     with pytest.raises(ValueError, match="sequence: expected one of"):
         Scene(NewtonEuler(EulerBody(MATTER, "ZZX")), (), y0=FREE[2].y0).check()
+    for scene in (FREE[1], FREE[2]):
+        values = parameters(scene)
+        other = with_parameters(scene, values.values + 0.1)
+        with pytest.raises(ValueError, match="points of a free body about their mass centre"):
+            other.check()
 
 
 # ---- the free body with moments 1, 2, 3

@@ -70,6 +70,43 @@ def test_steps_do_not_shrink_for_the_rounding_of_their_iterations():
     assert gap(out.y1, VAN_DER_POL_END) < 1e-9
 
 
+#: At t = 40 by SciPy's Radau with rtol 1e-12 and atol 1e-16; at 1e11 from the test set of Hairer
+#: and Wanner (problem ROBER).
+ROBERTSON = {
+    40.0: (0.715827068719415, 9.1855347645582e-06, 0.28416374574582),
+    1e11: (2.083340149701255e-08, 8.333360770334713e-14, 0.9999999791665050),
+}
+
+
+def robertson(t, y):
+    slow, back, fast = 0.04 * y[0], 1e4 * y[1] * y[2], 3e7 * y[1] * y[1]
+    return [back - slow, slow - back - fast, fast]
+
+
+@pytest.mark.parametrize("t1", ROBERTSON)
+@pytest.mark.parametrize(
+    ("solver", "rtol", "digits"),
+    [
+        (None, 1e-11, 1e-9),
+        (None, 1e-6, 1e-4),
+        (solvers.RADAU9, 1e-4, 1e-2),
+        (solvers.RADAU5, 1e-6, 1e-4),
+    ],
+)
+def test_a_first_step_that_is_far_too_long_is_rejected(solver, rtol, digits, t1):
+    # It led to where rates are 1e30, and their rounding counted as the error that it may have.
+    scene = jaxdyn.ode(robertson, [1.0, 0.0, 0.0], t1)
+    motion = simulate(scene, samples=2, rtol=rtol, solver=solver)
+    np.testing.assert_allclose(motion.ys[-1], ROBERTSON[t1], rtol=digits)
+
+
+def test_a_first_step_that_is_too_long_for_an_explicit_method_is_rejected():
+    scene = jaxdyn.ode(robertson, [1.0, 0.0, 0.0], 3.0)
+    motion = simulate(scene, samples=2, rtol=1e-4, solver=solvers.DOPRI8)
+    exact = simulate(scene, samples=2, solver=solvers.RADAU9)
+    np.testing.assert_allclose(motion.ys[-1], exact.ys[-1], rtol=1e-2)
+
+
 def test_derivatives_of_a_stiff_motion():
     # Where x ends does not depend on its start, y and z end in proportion to that of y.
     end = lambda y: solve(CHASED.starting(y), 2.0, solver=solvers.RADAU9, rtol=1e-12).y1  # noqa: E731

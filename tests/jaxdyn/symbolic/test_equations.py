@@ -5,6 +5,7 @@ import re
 import sys
 from xml.etree import ElementTree
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,6 +17,8 @@ from jaxdyn import Effect, effects, scenes
 from jaxdyn.analysis import constraints, energy
 from jaxdyn.analysis.free_body import free_body
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.formulations.rigid import RigidBody, about_centre
+from jaxdyn.mechanisms.euler_body import EulerBody
 from jaxdyn.scenes import catalogue
 from jaxdyn.symbolic import parameters, with_parameters
 from jaxdyn.symbolic.algebra import ONE, Expression, Group, Symbol, as_expression
@@ -87,6 +90,14 @@ def _on_constraints(scene, t, y):
 def _with_other_numbers(scene, rng):
     values = parameters(scene).values
     other = with_parameters(scene, values * rng.uniform(0.8, 1.2, len(values)))
+
+    def body_of(scene):
+        return getattr(scene.system, "mechanism", scene.system)
+
+    body = body_of(other)
+    if isinstance(body, EulerBody | RigidBody) and not body.pivoted:
+        # Its points are about their mass centre.
+        other = eqx.tree_at(lambda x: body_of(x).matter, other, about_centre(body.matter))
     return other.starting(_on_constraints(other, 0.0, other.y0))
 
 
