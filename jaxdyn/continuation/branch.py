@@ -440,7 +440,9 @@ def _advance(
     special, until, end = _Edge(problem, chart, here, new.member).cut(special, until)
     special = [chart.outward(x) for x in special]
     if until is None:
-        return Advance(None, special, length, end), False
+        # A step to what is no member does not lead beyond the bounds.
+        why = problem.end_before(chart.outward(new.member), special) or end
+        return Advance(None, special, length, why), False
     member = chart.outward(until)
     before = problem.end_before(member, special)
     if not (before or end or again is None):

@@ -45,7 +45,9 @@ _PARTS = (0.03, 0.1, 0.3, 0.6, 1.0)  # fractions of a level at which responses a
 _ABOVE, _LEVELS = 5.0, 200  # highest level, and most members, of a family over the level
 _ROUNDING = 1e-9  # relative distance below which two values of the parameter are the same
 _SAME = 1e-6  # starts that differ less, relative to the sizes, belong to the same response
-_PEAK = {"xatol": 1e-6, "maxiter": 40}  # relative to a step along the curve
+# Of a peak, relative to a step along the curve: within the curve, and at its end.
+_PEAK = {"xtol": 1e-6, "maxiter": 40}
+_PEAK_AT_END = {"xatol": 1e-6, "maxiter": 40}
 _NO_FIRST = (
     "No response was found at either end of the range of frequencies. Begin further away from "
     "resonances, or with a smaller level."
@@ -120,7 +122,18 @@ class FrequencyResponse:
           ValueError: there is no such output, or it has no value on a curve.
         Limits: its amplitude has ten digits, its frequency five, since the curve is flat there.
         """
-        return tuple(_peak(curve, output or self.output) for curve in self.curves)
+        return tuple(_peak(curve, output or self.output)[1] for curve in self.curves)
+
+    def with_peaks(self, output: Output | None = None) -> "FrequencyResponse":
+        """The same result with the `peaks` as further members of the curves."""
+        curves = []
+        for curve in self.curves:
+            place, peak = _peak(curve, output or self.output)
+            members = [*curve.members]
+            if peak is not members[min(place, len(members) - 1)]:
+                members.insert(place, peak)
+            curves.append(dataclasses.replace(curve, members=tuple(members)))
+        return dataclasses.replace(self, curves=tuple(curves))
 
     def table(self, output: Output | None = None, *, hertz: bool = False) -> Labelled:
         """A row for each response and each special point, in order along each curve.
@@ -161,36 +174,47 @@ class FrequencyResponse:
         return Labelled({}, named)
 
 
-def _peak(curve: Family, output: Output) -> Member:
-    """The member of a curve with the largest amplitude; an output without a value is no peak."""
+def _peak(curve: Family, output: Output) -> tuple[int, Member]:
+    """The response of a curve with the largest amplitude, and the number of members before it.
+
+    An output without a value is no peak.
+    """
     members = curve.members
 
-    def height(member: Member) -> float:
-        found = amplitude(member.orbit, output)
+    def height(member: Member | None) -> float:
+        found = math.nan if member is None else amplitude(member.orbit, output)
         return -math.inf if math.isnan(found) else found
 
     heights = [height(m) for m in members]
     if max(heights) == -math.inf:
         raise fail("output", "one with a value somewhere on the curve", "NaN everywhere")
     top = int(np.argmax(heights))
-    best, largest = members[top], heights[top]
-    surface = OrbitSurface(curve.equations, best.orbit.rtol, GOAL)
-    for a, b in ((top - 1, top), (top, top + 1)):
-        if a < 0 or b == len(members):
-            continue
-        chart = OrbitChart(surface.at(members[a].point), members[a])
-        found: dict[float, Member | None] = {}
+    surface = OrbitSurface(curve.equations, members[top].orbit.rtol, GOAL)
+    # Steps along the curve from the highest member, backwards and onwards.
+    found: dict[float, tuple[float, Member | None]] = {
+        float(n): (heights[top + n], members[top + n])
+        for n in (-1, 0, 1)
+        if 0 <= top + n < len(members)
+    }
 
-        def lower(share: float, a=a, b=b, chart=chart, found=found) -> float:
-            found[share] = chart.between(members[a], members[b], share)
-            member = found[share]
-            return -heights[top] if member is None else -height(member)
+    def lower(steps: float) -> float:
+        if steps not in found:
+            a = top + math.floor(steps)
+            chart = OrbitChart(surface.at(members[a].point), members[a])
+            between = chart.between(members[a], members[a + 1], steps - math.floor(steps))
+            found[steps] = height(between), between
+        return -found[steps][0]
 
-        result = minimize_scalar(lower, bounds=(0.0, 1.0), method="bounded", options=_PEAK)
-        member = found[result.x]
-        if member is not None and -result.fun > largest:
-            best, largest = member, -result.fun
-    return best
+    known = sorted(found)
+    if len(known) == 3 and heights[top] > max(heights[top - 1], heights[top + 1]):
+        minimize_scalar(lower, bracket=known, method="brent", options=_PEAK)
+    else:
+        for a, b in itertools.pairwise(known):
+            minimize_scalar(lower, bounds=(a, b), method="bounded", options=_PEAK_AT_END)
+    steps = max(found, key=lambda steps: found[steps][0])
+    best = found[steps][1]
+    assert best is not None
+    return top + math.ceil(steps), best
 
 
 def in_order(curve: Family) -> list[Member]:
@@ -356,7 +380,7 @@ def _frequencies(
     curves: list[Family], ends: tuple[float, float], count: int, output: str
 ) -> list[float]:
     """The frequencies at which responses are followed over the level."""
-    peaks = [_peak(curve, output).parameter for curve in curves]
+    peaks = [_peak(curve, output)[1].parameter for curve in curves]
     inside = [x for x in peaks if not np.isclose(x, ends, rtol=_ROUNDING, atol=0.0).any()]
     return inside + np.linspace(*ends, count + 1)[1:-1].tolist()
 
