@@ -30,7 +30,8 @@ from jaxdyn.scene import check_scene
 from jaxdyn.solvers import Solver
 from jaxdyn.status import Status
 
-MAX_PHASES = 200
+#: A ball that comes to rest on a shaken table once in a period needs some 30 phases for each.
+MAX_PHASES = 1000
 
 
 @check_first

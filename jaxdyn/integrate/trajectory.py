@@ -269,17 +269,25 @@ def _positions(motion: Trajectory) -> Array:
 
 
 #: Part of the largest distance from a bound by which a sample beyond it is no rounding; the last
-#: one may be on the bound.
-_PASSED, _LAST_PASSED = 1e-6, 1e-3
+#: one may be on the bound. And roundings of the state that are nothing else, as in a small bounce.
+_PASSED, _LAST_PASSED, _PASSED_ROUNDINGS = 1e-6, 1e-3, 64
 
 
 @each_motion
 @of_samples
 @eqx.filter_jit
-def _bounds(motion: Trajectory) -> dict[str, Array]:
-    """(s,) the distances from the bounds of a system's equations."""
+def _bounds(motion: Trajectory) -> dict[str, tuple[Array, Array]]:
+    """(s,) distances from the bounds of a system's equations, and what rounding makes of them."""
     scene = motion.scene
-    at_one = lambda t, y: scene.system.bounds(t, y, scene.effects)  # noqa: E731
+
+    def at_one(t, y):
+        def distances(y):
+            return scene.system.bounds(t, y, scene.effects)
+
+        unit = _PASSED_ROUNDINGS * jnp.finfo(y.dtype).eps * jnp.abs(y)
+        by_state = jax.jacfwd(distances)(y)
+        return {name: (x, jnp.abs(by_state[name]) @ unit) for name, x in distances(y).items()}
+
     return jax.vmap(at_one)(motion.ts, motion.ys)
 
 
@@ -290,8 +298,8 @@ def _beyond(motion: Trajectory, system: System) -> str:
     share = np.full(motion.ts.shape[-1], _PASSED)
     share[-1:] = _LAST_PASSED
     for name, found in _bounds(motion).items():
-        x = np.nan_to_num(np.asarray(found))
-        least = share * np.abs(x).max(axis=-1, keepdims=True)
+        x, rounding = (np.nan_to_num(np.asarray(each)) for each in found)
+        least = share * np.abs(x).max(axis=-1, keepdims=True) + rounding
         beyond = (x < -least) & (np.maximum.accumulate(x, axis=-1) > least)
         if beyond.any():
             at = float(np.asarray(motion.ts)[beyond][0])
