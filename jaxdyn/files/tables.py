@@ -68,7 +68,7 @@ def record(motion: Trajectory | HybridTrajectory, end: EndError) -> dict:
     return {
         "status": motion.status.name if in_phases else motion.status_code.name,
         "message": motion.message,
-        "warning": " ".join(dict.fromkeys(p.warning for p in pieces if p.warning)),
+        "warning": motion.warning,
         "t": _finite(ts),
         "labels": columns(motion),
         "y": _finite(ys),

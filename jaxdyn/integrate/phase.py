@@ -234,3 +234,8 @@ class HybridTrajectory(eqx.Module, Motion):
         if self.ended:
             return f"Phase {self.path[-1][0]} led to the end."
         return "The span ended."
+
+    @property
+    def warning(self) -> str:
+        """The warnings about its pieces, each once; empty if there are none."""
+        return " ".join(dict.fromkeys(piece.warning for piece in self.pieces if piece.warning))

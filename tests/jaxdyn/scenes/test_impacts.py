@@ -63,7 +63,6 @@ def test_a_ball_at_rest_leaves_a_table_that_falls_faster():
     assert abs(lands - lift - brentq(above, 0.05, 0.2, xtol=1e-15)) < SOLVED
 
 
-@pytest.mark.slow
 def test_the_least_bounces_before_a_rest_are_not_said_to_be_below_the_table():
     numbers = {"amplitude": 0.0026, "frequency": 62.83185307, "restitution": 0.5}
     motion = _motion(scenes.ball_on_table(velocity=0.49, phase=1.0, **numbers), 0.7, samples=8)
@@ -71,6 +70,7 @@ def test_the_least_bounces_before_a_rest_are_not_said_to_be_below_the_table():
     assert motion.warning == ""
 
 
+@pytest.mark.slow
 def test_an_oscillator_rests_on_its_stop_while_it_is_pushed_there():
     # The force is F cos(phase): it pulls from phase pi / 2 on.
     w = 0.2
