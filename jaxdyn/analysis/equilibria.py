@@ -118,7 +118,9 @@ def equilibria(
         rate is not made of elementary functions, or the states satisfy constraints.
     Limits: completeness can be proved for rates made of elementary formulas, without
       constraints, with about four unknowns at most. A point at which the rate is 0 but
-      discontinuous is not an equilibrium; `certainty` names it. Angles are taken modulo a turn.
+      discontinuous is not an equilibrium; `certainty` names it. Dry friction holds a body at rest
+      in whole intervals of states, of which none is listed but where no friction is needed.
+      Angles are taken modulo a turn.
     Example:
       >>> from jaxdyn.scenes.springs import two_springs
       >>> found = equilibria(two_springs(g=0.0), [-3, -3], [3, 3])

@@ -10,6 +10,9 @@ each has a part of its own. All points are in units of their family.
 - Branch point: the determinant of [A, b] bordered by the tangent.
 - Hopf point: the product of all sums of two eigenvalues. It vanishes also where two real ones are
   opposite (a neutral saddle), which is not a bifurcation.
+- Krein collision, or Hamiltonian Hopf point: in a conservative scene, where eigenvalues come in
+  pairs +-x and the product above is 0 everywhere, the discriminant of the polynomial whose zeros
+  are the x^2. It has no equations of its own, but is located by this test.
 """
 
 import dataclasses
@@ -31,6 +34,7 @@ _HALVINGS = 25  # most halvings of the interval between two members
 _SHARE = 0.47  # part of it to the next test: a symmetric branch point is often exactly half-way
 _OUTSIDE = 1e-4  # part of it: a solution farther beyond its ends belongs to another place
 _ROUNDING = 1e-13  # parameter entry of a tangent below which the parameter does not change
+_COLLIDES = 1e-6  # test at a Krein collision, relative to those of the members beside it
 _KNOWN = 1e-12  # units of the parameter to which a Hopf point is located
 _SAME_PLACE = 1e-6  # relative distance below which a fold and a branch point are the same
 
@@ -61,6 +65,7 @@ def special_points(
         if middle is not None:
             return [*special_points(chart, a, middle, first), *special_points(chart, middle, b)]
     found = [_locate(chart, kind, a, b) for kind in passed]
+    found.append(_locate_collision(chart, a, b, first))
     if hidden is not None and _same(a, b):
         found.append(_double(hidden, b))
     known = [point for point in found if point is not None]
@@ -116,6 +121,43 @@ def _locate(
         # Along a branch at one value of the parameter tests are 0 everywhere, up to rounding.
         a, b = (a, middle) if changes_sign(left, test(middle), True) else (middle, b)
     return None
+
+
+def _locate_collision(
+    chart: EquilibriumChart, a: Equilibrium, b: Equilibrium, first: bool
+) -> Equilibrium | None:
+    """The Krein collision between two members, if there is one."""
+    point = chart.locate(_discriminant, a, b, first=first)
+    if point is None:
+        return None
+    least = min(abs(_discriminant(x)) for x in (a, b) if x is not point)
+    if abs(_discriminant(point)) > _COLLIDES * least:
+        return None
+    squares = _squares(point)
+    i, j = np.triu_indices(len(squares), 1)
+    nearest = int(np.argmin(np.abs(squares[i] - squares[j])))
+    square = 0.5 * (squares[i] + squares[j])[nearest].real
+    # Two real pairs meet as well, and may become complex, but are unstable on both sides.
+    if square >= 0:
+        return None
+    return dataclasses.replace(point, kind=Kind.KREIN, frequency=math.sqrt(-square))
+
+
+def _squares(point: Equilibrium) -> np.ndarray:
+    """The squares of non-zero eigenvalues in pairs +-x, each once; () if they are not in pairs."""
+    values, bars = point.eigenvalues
+    sums = np.abs(values[:, None] + values) - bars[:, None] - bars
+    if (sums.min(axis=0) > 0).any():
+        return np.zeros(0)
+    on_axis = np.abs(values.real) <= bars
+    return values[np.where(on_axis, values.imag > bars, values.real > 0)] ** 2
+
+
+def _discriminant(point: Equilibrium) -> float:
+    """The discriminant of the polynomial with the zeros of `_squares`; 1 if there are none."""
+    squares = _squares(point)
+    i, j = np.triu_indices(len(squares), 1)
+    return float(np.prod((squares[i] - squares[j]) ** 2).real)
 
 
 class Posed(NamedTuple):

@@ -23,6 +23,7 @@ EQUILIBRIUM_MARKERS = {
     Kind.FOLD: "s",
     Kind.BRANCH: "D",
     Kind.HOPF: "o",
+    Kind.KREIN: "X",
 }
 #: Markers of the kinds of points of codimension two, in the order of their first appearance.
 _SHAPES = "^Do*XsvPpd<>"

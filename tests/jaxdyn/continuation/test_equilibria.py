@@ -245,6 +245,28 @@ def test_bead_on_a_turning_hoop_branches_where_the_eigenvalue_0_is_double():
     np.testing.assert_allclose(np.cos(other.states[:, 0]) * other.parameters, 1.0, rtol=1e-12)
 
 
+def test_the_triangular_points_lose_stability_at_rouths_mass_ratio():
+    start = scenes.libration_point(scenes.restricted_three_body(mu=0.01), "L4")
+    family = jaxdyn.continue_equilibria(
+        lambda mu: scenes.restricted_three_body(mu=mu), 0.01, start, within=(0.01, 0.06)
+    )
+    (point,) = family.special
+    assert point.kind == Kind.KREIN
+    assert point.parameter == pytest.approx((1 - math.sqrt(69) / 9) / 2, rel=1e-14)
+    assert point.frequency == pytest.approx(math.sqrt(0.5), rel=1e-14)
+    assert [x.verdict for x in family.members][-1] == "unstable"
+
+
+def test_pairs_that_pass_one_another_or_are_the_same_do_not_collide():
+    for square in (lambda p: p, lambda p: 2.0):  # of the second frequency; that of the first is p
+
+        def rate(t, y, p, square=square):
+            return [y[2], y[3], -p * y[0], -square(p) * y[1]]
+
+        family = jaxdyn.continue_equilibria(_of(rate, 4), 1.0, np.zeros(4), within=(0.5, 3))
+        assert not family.special
+
+
 @pytest.mark.parametrize("time", [1.0, 1e-3, 5e4])
 def test_coefficients_of_conservative_scenes_are_per_time_squared(time):
     # At the fold x = 1, p = 0 of x'' = p - (x - 1)^2 + 3 (x - 1)^3, in units of `time`.
