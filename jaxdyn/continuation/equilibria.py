@@ -48,6 +48,7 @@ _DEPENDENT = 1e-10  # ratio of the smallest to the largest singular value of dep
 _SAME_PARAMETER = 1e-6  # relative distance of a fold from the parameter of a start, to begin there
 _LOST = "no equilibrium was found beyond: a singularity of the rate, or a branch point"
 _LATER = (0.0, 0.37, 1.3)  # times of neighbouring motions at which a forcing is searched for
+_SAME_RATE = 1e-12  # rounding: a change of a rate with time, relative to that with the state
 _ASIDE = 0.1  # distance from the start, as a part of the sizes, for the same test
 
 
@@ -229,10 +230,17 @@ def _driven(scene: Scene, y: np.ndarray) -> bool:
     # It also tests states near the start: a shaken pendulum at rest does not feel the forcing.
     states = jnp.stack([y, y + _ASIDE * np.asarray(sizes)])
 
-    def by_time(t):
-        return jax.jacfwd(lambda t: jax.vmap(lambda y: scene.rate(t, y))(states))(t)
+    def derivatives(t):
+        def at(y):
+            by_time, by_state = jax.jacfwd(scene.rate, argnums=(0, 1))(t, y)
+            return time * by_time, jnp.abs(by_state) @ jnp.asarray(sizes)
 
-    return bool(np.any(np.asarray(jax.jit(jax.vmap(by_time))(jnp.asarray(_LATER) * time))))
+        return jax.vmap(at)(states)
+
+    later = jnp.asarray(_LATER) * time
+    change, own = map(np.asarray, jax.jit(jax.vmap(derivatives))(later))
+    # A turning hoop has a rate that does not depend on time, up to rounding.
+    return bool(np.any(np.abs(change) > _SAME_RATE * own.max(axis=(0, 1))))
 
 
 class _Problem(BranchProblem[Equilibrium]):

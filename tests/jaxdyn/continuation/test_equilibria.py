@@ -257,6 +257,15 @@ def test_the_triangular_points_lose_stability_at_rouths_mass_ratio():
     assert [x.verdict for x in family.members][-1] == "unstable"
 
 
+def test_a_rate_in_which_time_cancels_but_for_rounding_has_equilibria():
+    def rate(t, y, p):
+        nothing = jnp.cos(2 * t) - jnp.cos(t) ** 2 + jnp.sin(t) ** 2
+        return [p - y[0] + nothing]
+
+    family = jaxdyn.continue_equilibria(_of(rate, 1), 0.5, [0.5], within=(0.5, 0.6))
+    np.testing.assert_allclose(family.states[:, 0], family.parameters, rtol=1e-12)
+
+
 def test_pairs_that_pass_one_another_or_are_the_same_do_not_collide():
     for square in (lambda p: p, lambda p: 2.0):  # of the second frequency; that of the first is p
 
