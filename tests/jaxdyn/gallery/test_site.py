@@ -534,7 +534,8 @@ def _cases(part):
 def test_the_page_of_a_problem_prints_its_equations(site):
     page = (site.folder / "course/simple_pendulum.html").read_text()
     assert "<h2>The equations<" in page
-    assert page.count('<math display="block">') == 3  # of motion, T and V
+    # Of motion, the force of the rod, T, V and their sum.
+    assert page.count('<math display="block">') == 5
 
 
 def test_a_build_leaves_functions_as_they_are(site):
