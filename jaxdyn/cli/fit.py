@@ -9,7 +9,7 @@ import typer
 from rich.markup import escape
 
 import jaxdyn
-from jaxdyn._text import choice, fail
+from jaxdyn._text import brief, choice, fail, number_of
 from jaxdyn.cli.docstrings import parameter_name, scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
@@ -24,6 +24,7 @@ from jaxdyn.cli.shared import (
 )
 
 FAILED = 1  # exit code: no estimates
+_GUESSED_BADLY = ("NOT_CONVERGED", "NO_MOTION")  # statuses for which another guess may help
 
 
 def fit_command(
@@ -78,6 +79,8 @@ def fit_command(
             out.result({"scene": name} | found.as_dict())
         else:
             _print(found, out)
+            if found.status.name in _GUESSED_BADLY:
+                out.print(escape(_other_guess(found, guess)))
         if plot and found.ok:
             with out.writing(plot, "drawn in"):
                 found.plot(plot, title=title)
@@ -111,3 +114,20 @@ def _check(name: str, free: list[str], chosen: dict[str, str]) -> Callable[[], t
 
 def _print(found: "jaxdyn.fitting.Fit", out: Screen) -> None:
     out.print(escape(repr(found)))
+
+
+def _other_guess(found: "jaxdyn.fitting.Fit", guess: dict) -> str:
+    """Where a fit without estimates began, and how to begin elsewhere."""
+    began = ", ".join(f"{name} = {_numbers(x)}" for name, x in guess.items())
+    segments = number_of(len(found.segments.begin), "segment")
+    options = [
+        f"--free {name}={'A,B,...' if isinstance(x, tuple) else 'A'}" for name, x in guess.items()
+    ]
+    return (
+        f"It began at {began}, with {segments}. To begin nearer to the data: {' '.join(options)}; "
+        "for more segments: --segments N."
+    )
+
+
+def _numbers(x) -> str:
+    return ",".join(map(brief, x)) if isinstance(x, tuple) else brief(x)
