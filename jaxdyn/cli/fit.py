@@ -26,6 +26,14 @@ from jaxdyn.cli.shared import (
 FAILED = 1  # exit code: no estimates
 _GUESSED_BADLY = ("NOT_CONVERGED", "NO_MOTION")  # statuses for which another guess may help
 
+IntervalOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="confidence|prediction",
+        help="Bands of the picture: confidence, or prediction as well.",
+    ),
+]
+
 
 def fit_command(
     name: SceneArgument,
@@ -56,12 +64,14 @@ def fit_command(
         float | None, number("Standard deviation of the measurements; estimated by default.")
     ] = None,
     segments: Annotated[int | None, typer.Option(help="Number of segments of the motion.")] = None,
+    interval: IntervalOption = None,
     plot: PlotOption = None,
     title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
     """Estimate parameters and the start of a scene from measurements, with 95 % intervals."""
     check_title(title, plot)
+    _check_interval(interval, plot)
     model = _check(name, free or [], scene_settings(name, settings))
     with screen(f"fitting {name}", as_object) as out:
         make, guess = model()
@@ -83,9 +93,16 @@ def fit_command(
                 out.print(escape(_other_guess(found, guess)))
         if plot and found.ok:
             with out.writing(plot, "drawn in"):
-                found.plot(plot, title=title)
+                found.plot(plot, interval=interval or "confidence", title=title)
         if not found.ok:
             raise typer.Exit(FAILED)
+
+
+def _check_interval(interval: str | None, plot: Path | None) -> None:
+    if interval is not None:
+        choice("--interval", interval, ("confidence", "prediction"))
+        if plot is None:
+            raise fail("--interval", "--plot with it", "none", "It is a band of the picture.")
 
 
 def _check(name: str, free: list[str], chosen: dict[str, str]) -> Callable[[], tuple]:

@@ -8,6 +8,7 @@ import pytest
 
 import jaxdyn
 from jaxdyn import scenes
+from jaxdyn.drawing import fits
 
 MINE = """
 from jaxdyn import scenes
@@ -34,7 +35,7 @@ def track(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_g_and_damping_of_a_track(fit, track, tmp_path):
+def test_g_and_damping_of_a_track(fit, track, tmp_path, monkeypatch):
     code, out, _ = fit(
         "pendulum",
         str(track),
@@ -49,6 +50,12 @@ def test_g_and_damping_of_a_track(fit, track, tmp_path):
     assert "g " in out
     assert "+-" in out
     assert (tmp_path / "fit.png").exists()
+    drawn = []
+    monkeypatch.setattr(fits, "fit", lambda *args, **options: drawn.append(options["interval"]))
+    for more in ((), ("--interval", "prediction")):
+        plot = ("--plot", str(tmp_path / "fit.png"))
+        assert fit("pendulum", str(track), "--free", "g", *plot, *more)[0] == 0
+    assert drawn == ["confidence", "prediction"]
     mine = tmp_path / "mine.py"
     mine.write_text(MINE)
     code, out, _ = fit(f"{mine}:swing", str(track), "--free", "g", "--free", "length", "--json")
@@ -92,6 +99,8 @@ def test_misuse_is_refused(fit, track):
         ("--free", "g", "--set", "g=3"): "fix, got --set g=3. To begin with that guess, write",
         ("--free", "g", "--title", "a"): "--plot with it",
         ("--free", "g=x"): "expected a number",
+        ("--free", "g", "--interval", "mean"): "--interval: expected one of confidence, prediction",
+        ("--free", "g", "--interval", "prediction"): "--interval: expected --plot with it",
     }.items():
         code, _, err = fit("pendulum", str(track), *words)
         assert code == 2
