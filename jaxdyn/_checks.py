@@ -310,6 +310,9 @@ _REMEDIES = {
     ("HybridTrajectory", "Trajectory"): "Pass one of motion.pieces.",
     ("HybridTrajectory", "Scene"): "Pass the scene of one of motion.pieces.",
     ("Family", "Orbit"): "Pass the orbit of one of family.members.",
+    ("EquilibriumFamily", "Family"): "Equilibria have jaxdyn.continuation.switch_branch and "
+    "jaxdyn.drawing.equilibria.",
+    ("Family", "EquilibriumFamily"): "Orbits have orbits.switch_branch and orbits.drawing.family.",
     ("Family", "Scene"): "Pass the scene of an orbit of one of family.members.",
     **dict.fromkeys(_MATRICES, "Matrices M, C, K make one: scenes.linear_system(M=M, C=C, K=K)."),
     ("SearchResult", "Orbit"): "Pass one of result.orbits.",

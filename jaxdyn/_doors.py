@@ -68,7 +68,8 @@ def attribute_getter(
 def renamed(**names: str) -> Callable[[_Class], _Class]:
     """A class decorator that keeps old names of attributes and methods: using them warns.
 
-    Where a subclass overrides a method by its old name, it is that of the new one.
+    A record is also made with fields by their old names. Where a subclass overrides a method by its
+    old name, it is that of the new one.
 
     Args:
       names: the new name of each of them by its old one.
@@ -84,6 +85,8 @@ def renamed(**names: str) -> Callable[[_Class], _Class]:
 
         for old, new in names.items():
             setattr(cls, old, _alias(f"{cls.__qualname__}.{old}", new))
+        fields = getattr(cls, "_field_names", ())  # of a `Record`
+        cls._renamed = {old: new for old, new in names.items() if new in fields}
         cls.__init_subclass__ = classmethod(__init_subclass__)
         return cls
 
@@ -96,6 +99,19 @@ def _alias(old: str, new: str) -> property:
         return getattr(self, new)
 
     return property(found)
+
+
+def with_present_names(
+    owner: str, given: Mapping[str, Any], renamed: Mapping[str, str]
+) -> dict[str, Any]:
+    """Arguments of a scene or a record by their present names; an old one warns.
+
+    Where both names are given, the old one stays, to be refused as an unknown argument.
+    """
+    new = {old: now for old, now in renamed.items() if old in given and now not in given}
+    for old, now in new.items():
+        _warn(f"{old} of {owner}", now)
+    return {new.get(name, name): x for name, x in given.items()}
 
 
 def _warn(old: str, new: str) -> None:

@@ -21,8 +21,8 @@ import sys
 import sysconfig
 import types
 import weakref
-from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -30,6 +30,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from jaxdyn._checks import check_callable
+from jaxdyn._doors import with_present_names
 from jaxdyn._text import fail
 
 # ---- What has been found out about a scene, and need not be found again
@@ -668,6 +669,8 @@ else:
 
         def __call__(cls, *args, **kwargs):
             made = object.__new__(cls)  # raises TypeError for abstract classes
+            if kwargs and cls._renamed:
+                kwargs = with_present_names(cls.__name__, kwargs, cls._renamed)
             cls.__init__(made, *args, **kwargs)
             values = made.__dict__
             missing = cls._field_names - values.keys()
@@ -696,6 +699,7 @@ else:
         """
 
         captured: Captured | None = eqx.field(static=True, init=False, repr=False)
+        _renamed: ClassVar[Mapping[str, str]] = {}
 
         __getattribute__ = object.__getattribute__
 

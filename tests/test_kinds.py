@@ -13,6 +13,7 @@ from jaxdyn.gallery.reference import _public
 
 FUNCTIONS = {name: thing for name, thing in _public() if getattr(thing, "first_kinds", ())}
 SCENE = scenes.oscillator(k=1.0, x=1.0)
+EQUILIBRIA = jaxdyn.continuation.EquilibriumFamily((), (), "", lambda k: SCENE)
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +65,14 @@ REMEDIES = [
     (lambda: jaxdyn.energy_change(SCENE), r"got a Scene\. Simulate it first: jaxdyn\.simulate"),
     (lambda: jaxdyn.solve(scenes.pendulum, 1.0), r"got pendulum\. Call it: pendulum\(\)\."),
     (lambda: jaxdyn.until(3.0, None), r"^scene: expected a Scene, got 3\.0\.$"),
+    (
+        lambda: orbits.switch_branch(EQUILIBRIA, None),
+        r"got an EquilibriumFamily\. Equilibria have jaxdyn\.continuation\.switch_branch and",
+    ),
+    (
+        lambda: jaxdyn.continuation.switch_branch(orbits.families.Family((), (), "", None), None),
+        r"got a Family\. Orbits have orbits\.switch_branch and",
+    ),
     (lambda: jaxdyn.drawing.trajectory([SCENE]), r"^motion\[0\]: .*, got a Scene\. Simulate it"),
 ]
 

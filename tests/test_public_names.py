@@ -8,6 +8,7 @@ import tomllib
 import types
 from pathlib import Path
 
+import equinox as eqx
 import pytest
 from helpers import run_python
 
@@ -156,6 +157,21 @@ def test_names_that_changed_are_found_with_a_warning(module):
         _ = module.Xyzzy
 
 
+def test_a_field_that_changed_its_name_is_made_by_the_old_one_with_a_warning():
+    events = jaxdyn.integrate.events
+    falls = events.Reaches(1, 0.5, direction=-1)
+    assert falls.direction == -1
+    with pytest.warns(DeprecationWarning, match="^way of Reaches is now direction; the") as told:
+        assert eqx.tree_equal(events.Reaches(1, 0.5, way=-1), falls)  # pyright: ignore[reportCallIssue]
+    assert told[0].filename == __file__
+    with pytest.raises(TypeError, match="multiple values for argument 'direction'"):
+        events.When(_level, 1, direction=1)  # pyright: ignore[reportCallIssue]
+
+
+def _level(t, y):
+    return y[0]
+
+
 def test_methods_and_attributes_that_changed_are_found_with_a_warning():
     @renamed(cut="bodies", rests="equilibria")
     class Base:
@@ -182,6 +198,7 @@ def test_methods_and_attributes_that_changed_are_found_with_a_warning():
         (jaxdyn.System, "cut"),
         (jaxdyn.System, "held"),
         (Mechanism, "tied"),
+        (jaxdyn.integrate.events.Reaches, "way"),
         (orbits.closing.Closing, "miss"),
         (orbits.closing.Closing, "rows"),
     ):

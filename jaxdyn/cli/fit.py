@@ -9,7 +9,7 @@ import typer
 from rich.markup import escape
 
 import jaxdyn
-from jaxdyn._text import choice, fail
+from jaxdyn._text import brief, choice, fail, number_of
 from jaxdyn.cli.docstrings import parameter_name, scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
@@ -24,6 +24,15 @@ from jaxdyn.cli.shared import (
 )
 
 FAILED = 1  # exit code: no estimates
+_GUESSED_BADLY = ("NOT_CONVERGED", "NO_MOTION")  # statuses for which another guess may help
+
+IntervalOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="confidence|prediction",
+        help="Bands of the picture: confidence, or prediction as well.",
+    ),
+]
 
 
 def fit_command(
@@ -55,12 +64,14 @@ def fit_command(
         float | None, number("Standard deviation of the measurements; estimated by default.")
     ] = None,
     segments: Annotated[int | None, typer.Option(help="Number of segments of the motion.")] = None,
+    interval: IntervalOption = None,
     plot: PlotOption = None,
     title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
     """Estimate parameters and the start of a scene from measurements, with 95 % intervals."""
     check_title(title, plot)
+    _check_interval(interval, plot)
     model = _check(name, free or [], scene_settings(name, settings))
     with screen(f"fitting {name}", as_object) as out:
         make, guess = model()
@@ -78,11 +89,20 @@ def fit_command(
             out.result({"scene": name} | found.as_dict())
         else:
             _print(found, out)
+            if found.status.name in _GUESSED_BADLY:
+                out.print(escape(_other_guess(found, guess)))
         if plot and found.ok:
             with out.writing(plot, "drawn in"):
-                found.plot(plot, title=title)
+                found.plot(plot, interval=interval or "confidence", title=title)
         if not found.ok:
             raise typer.Exit(FAILED)
+
+
+def _check_interval(interval: str | None, plot: Path | None) -> None:
+    if interval is not None:
+        choice("--interval", interval, ("confidence", "prediction"))
+        if plot is None:
+            raise fail("--interval", "--plot with it", "none", "It is a band of the picture.")
 
 
 def _check(name: str, free: list[str], chosen: dict[str, str]) -> Callable[[], tuple]:
@@ -111,3 +131,20 @@ def _check(name: str, free: list[str], chosen: dict[str, str]) -> Callable[[], t
 
 def _print(found: "jaxdyn.fitting.Fit", out: Screen) -> None:
     out.print(escape(repr(found)))
+
+
+def _other_guess(found: "jaxdyn.fitting.Fit", guess: dict) -> str:
+    """Where a fit without estimates began, and how to begin elsewhere."""
+    began = ", ".join(f"{name} = {_numbers(x)}" for name, x in guess.items())
+    segments = number_of(len(found.segments.begin), "segment")
+    options = [
+        f"--free {name}={'A,B,...' if isinstance(x, tuple) else 'A'}" for name, x in guess.items()
+    ]
+    return (
+        f"It began at {began}, with {segments}. To begin nearer to the data: {' '.join(options)}; "
+        "for more segments: --segments N."
+    )
+
+
+def _numbers(x) -> str:
+    return ",".join(map(brief, x)) if isinstance(x, tuple) else brief(x)

@@ -10,6 +10,7 @@ from scipy.interpolate import PchipInterpolator
 
 from jaxdyn import _checks
 from jaxdyn._checks import check_first
+from jaxdyn._text import with_unit
 from jaxdyn.continuation.family import EquilibriumFamily
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.drawing.figures import PALETTE, blank, finish, legend_below, legend_entries, style
@@ -285,11 +286,13 @@ def draw_equilibria(ax, families: Sequence[EquilibriumFamily], index: int, of: s
 
 
 def entry_of(families: Sequence[EquilibriumFamily], entry: str | None) -> tuple[int, str]:
-    """The index of the entry of the state that is drawn, and its name."""
+    """The index of the entry of the state that is drawn, and its name with its unit."""
     first = families[0].members[0]
-    names = [name for name, _ in families[0].make(np.asarray(first.parameter)).labels()]
+    labels = families[0].make(np.asarray(first.parameter)).labels()
     if entry is None:
         states = np.concatenate([family.states for family in families])
         index = int(np.argmax(np.ptp(states, axis=0)))
-        return index, names[index]
-    return names.index(_checks.choice("entry", entry, names)), entry
+    else:
+        names = [name for name, _ in labels]
+        index = names.index(_checks.choice("entry", entry, names))
+    return index, with_unit(*labels[index])

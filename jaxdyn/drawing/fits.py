@@ -11,6 +11,7 @@ from jaxdyn.files.output_files import picture_path
 from jaxdyn.fitting.result import LEVEL, Fit, with_bar
 
 _HIGH, _LOW = 2.0, 1.0  # [in] heights of the two panels for a column
+_SHADES = {"prediction": 0.15, "confidence": 0.35}  # opacities of the bands
 
 
 def fit(found: Fit, path=None, *, interval: str = "confidence", title: str | None = None) -> Figure:
@@ -40,9 +41,13 @@ def fit(found: Fit, path=None, *, interval: str = "confidence", title: str | Non
         values, bars = predicted[column.name]
         style(upper)
         style(lower)
-        for half in [bars] if interval == "confidence" else [outer[column.name][1], bars]:
-            low, high = values - half, values + half
-            upper.fill_between(predicted.ts, low, high, color=colour, alpha=0.25, lw=0)
+        halves = {interval: outer[column.name][1], "confidence": bars}
+        for kind, half in halves.items():
+            low, high, shade = values - half, values + half, _SHADES[kind]
+            label = f"{100 * LEVEL:g} % {kind}"
+            upper.fill_between(
+                predicted.ts, low, high, color=colour, alpha=shade, lw=0, label=label
+            )
         upper.plot(predicted.ts, values, color=colour, lw=1.4, label="fit")
         upper.plot(table.ts, table.values[:, i], ".", color=INK, ms=3, label="measured")
         unit = "" if column.unit == "1" else f" [{column.unit}]"

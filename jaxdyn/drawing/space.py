@@ -53,7 +53,8 @@ def trajectory(
 ) -> Figure:
     """A picture of the paths of one or several motions, with the moving bodies.
 
-    Curves are smooth even with few samples; see `curves`.
+    Of a single motion it shows snapshots of bodies and rods at equal times, as a strobe light does:
+    six in the plane, up to three in space. Curves are smooth even with few samples; see `curves`.
 
     Args:
       motion: result of `simulate` or `simulate_phases`; with ``throw=False`` also one that stopped

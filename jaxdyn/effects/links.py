@@ -173,12 +173,19 @@ class Damper(Effect):
 class HingeDamper(Effect):
     """A damper in a hinge: the torque -c d(angle)/dt on a bar, or on both bars that it joins.
 
-    The angle is coordinate i of the system; if j is given, it is the angle between the bars whose
-    angles are i and j, with the opposite torque on j. It is for systems whose coordinates are
-    angles, and acts on any coordinate as if it were one.
+    The angle is coordinate i of the system, by default the first one; if j is given, it is the
+    angle between the bars whose angles are i and j, with the opposite torque on j. Each hinge has a
+    damper of its own: of a double pendulum ``HingeDamper(c)`` damps the first one and
+    ``HingeDamper(c, i=1, j=0)`` the second one, and two effects on one hinge add up. It is for
+    systems whose coordinates are angles, and acts on any coordinate as if it were one.
 
     Attributes:
       c: () damping of the hinge [N m s].
+    Example:
+      >>> from jaxdyn import effects, scenes
+      >>> swing = scenes.double_pendulum(rates=(1.0, 3.0), damping=(0.2, 0.1))
+      >>> swing.effects[1:] == (effects.HingeDamper(0.2), effects.HingeDamper(0.1, i=1, j=0))
+      True
     """
 
     c: Array = eqx.field(converter=as_float)

@@ -18,6 +18,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _text
 from jaxdyn._checks import as_float, check_first
+from jaxdyn._doors import renamed
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn._records import Record, check_repeatable
 from jaxdyn._text import number_of
@@ -137,34 +138,31 @@ def _value_shape(tree, shapes: tuple, k: int) -> tuple[int, ...]:
     return jax.eval_shape(lambda event, t, y: event.value(t, y), event, *leaves[-2:]).shape
 
 
+@renamed(way="direction")
 class When(Event):
-    """The zeros of a named function ``fn(t, y)``; a lambda would be compiled anew at each call."""
+    """The zeros of a named function ``fn(t, y)``; a lambda would be compiled anew at each call.
+
+    ``When(fn, direction=1)`` is where it rises through 0, -1 where it falls, 0 both.
+    """
 
     fn: Callable[[Array, Array], Array] = eqx.field(static=True)
-    way: int = eqx.field(static=True, default=0)
+    direction: int = eqx.field(static=True, default=0)
 
     def value(self, t, y):
         return self.fn(t, y)
 
-    @property
-    def direction(self):
-        return self.way
 
-
+@renamed(way="direction")
 class Reaches(Event):
-    """An entry of the state reaches a level, e.g. ``Reaches(1, 0.0, -1)``: y falls to 0."""
+    """An entry of the state reaches a level: ``Reaches(1, 0.0, direction=-1)``, y falls to 0."""
 
     entry: int = eqx.field(static=True)
     level: Array = eqx.field(converter=as_float, default=0.0)
-    way: int = eqx.field(static=True, default=0)
+    direction: int = eqx.field(static=True, default=0)
 
     def value(self, t, y):
         del t
         return y[self.entry] - self.level
-
-    @property
-    def direction(self):
-        return self.way
 
     def check(self, k):
         if not isinstance(self.entry, int) or not 0 <= self.entry < k:

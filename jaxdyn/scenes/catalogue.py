@@ -19,6 +19,7 @@ from typing import Any
 
 from jaxdyn import _checks, _scene_files
 from jaxdyn._arithmetic import setting
+from jaxdyn._doors import with_present_names
 from jaxdyn._text import name_of
 from jaxdyn.formulations import xpp
 from jaxdyn.formulations.ode import Ode
@@ -27,7 +28,6 @@ from jaxdyn.integrate.simulation import RTOL, simulate
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.corners import check_one_phase, has_corners, phases_of
-from jaxdyn.scenes.ready_made import with_present_names
 from jaxdyn.solvers import Solver
 
 

@@ -8,15 +8,16 @@ whose base shakes are measured clockwise from straight up.
 import math
 
 import jax.numpy as jnp
+import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn._checks import floats
+from jaxdyn._checks import as_float, floats
 from jaxdyn.effects import HingeDamper, UniformGravity, unless_zero
 from jaxdyn.formulations.choice import route
 from jaxdyn.formulations.mechanism import TIES, Embedding
 from jaxdyn.mechanisms.bars import Chain, FreeBars, PointMasses
 from jaxdyn.mechanisms.sticks import Cart, Stick, TiedCart, TiedStick
-from jaxdyn.scene import Scene
+from jaxdyn.scene import Effect, Scene
 from jaxdyn.scenes.ready_made import RENAMED, ready_made
 
 
@@ -55,11 +56,8 @@ def pendulum(
     tied = TiedStick(m, length, squared=_checks.choice("tie", tie, TIES) == "square")
     embeddings = {"constrained": Embedding(tied, free.end)}
     system, y0 = route(formulation, free, [angle], [rate], embeddings, drift)
-    damper = unless_zero(damping, HingeDamper(damping))
-    if damper and formulation == "constrained":
-        remedy = "A hinge damps the angle, which that formulation does not have."
-        raise _checks.fail("damping", "0 for formulation='constrained'", damping, remedy)
-    return Scene(system, (UniformGravity(g), *damper), y0=y0, t1=t1)
+    dampers = _dampers(damping, 1, formulation)
+    return Scene(system, (UniformGravity(g), *dampers), y0=y0, t1=t1)
 
 
 @ready_made()
@@ -108,7 +106,7 @@ def shaken_pendulum(
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 
-@ready_made(renamed=RENAMED)
+@ready_made(but=("damping",), renamed=RENAMED)
 def double_pendulum(
     *,
     m=(1.0, 1.0),
@@ -116,6 +114,7 @@ def double_pendulum(
     g=1.0,
     angles=(math.pi / 2, math.pi),
     rates=(0.0, 0.0),
+    damping=0.0,
     relative=False,
     uniform=True,
     formulation="newton_euler",
@@ -130,6 +129,8 @@ def double_pendulum(
       g: gravity [m/s^2].
       angles: angles at the start, each from hanging down [rad].
       rates: rates of the angles at the start [rad/s].
+      damping: damping of each hinge, from the fixed one on, or of all [N m s]; exactly 0 leaves it
+        out. Not for "constrained".
       relative: whether the second coordinate is the angle from bar to bar.
       uniform: whether the bars are uniform; False for massless rods with a point mass at the end of
         each.
@@ -140,11 +141,16 @@ def double_pendulum(
     """
     numbers = {"m": m, "length": length, "g": g, "angles": angles, "rates": rates, "t1": t1}
     return n_pendulum(
-        **numbers, relative=relative, uniform=uniform, formulation=formulation, drift=drift
+        **numbers,
+        damping=damping,
+        relative=relative,
+        uniform=uniform,
+        formulation=formulation,
+        drift=drift,
     )
 
 
-@ready_made(renamed=RENAMED)
+@ready_made(but=("damping",), renamed=RENAMED)
 def triple_pendulum(
     *,
     m=(1.0, 1.0, 1.0),
@@ -152,6 +158,7 @@ def triple_pendulum(
     g=1.0,
     angles=(math.pi / 2, math.pi, 2.0),
     rates=(0.0, 0.0, 0.0),
+    damping=0.0,
     relative=False,
     uniform=True,
     formulation="newton_euler",
@@ -166,6 +173,7 @@ def triple_pendulum(
       g: gravity [m/s^2].
       angles: angles at the start, each from hanging down [rad].
       rates: rates of the angles at the start [rad/s].
+      damping: see `double_pendulum`.
       relative: whether the coordinates are the angles from bar to bar.
       uniform: see `double_pendulum`.
       formulation: see `double_pendulum`.
@@ -174,11 +182,16 @@ def triple_pendulum(
     """
     numbers = {"m": m, "length": length, "g": g, "angles": angles, "rates": rates, "t1": t1}
     return n_pendulum(
-        **numbers, relative=relative, uniform=uniform, formulation=formulation, drift=drift
+        **numbers,
+        damping=damping,
+        relative=relative,
+        uniform=uniform,
+        formulation=formulation,
+        drift=drift,
     )
 
 
-@ready_made("m", "length", "angles", "rates", renamed=RENAMED)
+@ready_made("m", "length", "angles", "rates", but=("damping",), renamed=RENAMED)
 def n_pendulum(
     *,
     m=(1.0, 1.0, 1.0, 1.0),
@@ -186,6 +199,7 @@ def n_pendulum(
     g=1.0,
     angles=(1.5, 1.5, 1.5, 1.5),
     rates=(0.0, 0.0, 0.0, 0.0),
+    damping=0.0,
     relative=False,
     uniform=True,
     formulation="newton_euler",
@@ -200,6 +214,7 @@ def n_pendulum(
       g: gravity [m/s^2].
       angles: angles at the start, each from hanging down [rad].
       rates: rates of the angles at the start [rad/s].
+      damping: see `double_pendulum`.
       relative: whether the coordinates are the angles from bar to bar.
       uniform: see `double_pendulum`.
       formulation: see `double_pendulum`.
@@ -213,7 +228,8 @@ def n_pendulum(
     tied = FreeBars(m, length) if uniform else PointMasses(m, length)
     embeddings = {"constrained": Embedding(tied, free.free_bars if uniform else free.point_masses)}
     system, y0 = route(formulation, free, q, v, embeddings, drift)
-    return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
+    dampers = _dampers(damping, len(m), formulation, relative=relative)
+    return Scene(system, (UniformGravity(g), *dampers), y0=y0, t1=t1)
 
 
 @ready_made()
@@ -250,3 +266,19 @@ def cart_pendulum(
     embeddings = {"constrained": Embedding(TiedCart(m, length), free.cartesian)}
     system, y0 = route(formulation, free, [x, angle], [speed, rate], embeddings, drift)
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
+
+
+def _dampers(damping, n: int, formulation: str, relative=False) -> tuple[Effect, ...]:
+    """The dampers in the hinges of n bars in a row, without those that are exactly 0."""
+    damping = as_float(damping)
+    shape = (n,) if damping.ndim else ()
+    _checks.check_shape("damping", damping.shape, shape, "One number for all hinges, or for each.")
+    # Entries of an array on the device would take time.
+    each = damping if _checks.is_traced(damping) else np.asarray(damping)
+    dampers: tuple[Effect, ...] = ()
+    for i, c in enumerate([*each] if each.ndim else [each] * n):
+        dampers += unless_zero(c, HingeDamper(c, i=i, j=i - 1 if i and not relative else None))
+    if dampers and formulation == "constrained":
+        remedy = "A hinge damps the angle, which that formulation does not have."
+        raise _checks.fail("damping", "0 for formulation='constrained'", damping, remedy)
+    return dampers

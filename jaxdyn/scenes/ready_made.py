@@ -1,11 +1,11 @@
 """The decorator of all functions of ready-made scenes: it checks parameters and gives a name."""
 
 import functools
-import warnings
 from collections.abc import Callable, Mapping
-from typing import Any, TypeVar, cast
+from typing import TypeVar, cast
 
 from jaxdyn._arguments import like_defaults
+from jaxdyn._doors import with_present_names
 from jaxdyn.scene import Scene
 
 F = TypeVar("F", bound=Callable[..., Scene])
@@ -45,17 +45,3 @@ def ready_made(
         return cast(F, named)
 
     return decorated
-
-
-def with_present_names(
-    scene: str, given: Mapping[str, Any], renamed: Mapping[str, str]
-) -> dict[str, Any]:
-    """Parameters of a scene by their present names; an old one warns.
-
-    Where both names are given, the old one stays, to be refused as an unknown parameter.
-    """
-    new = {old: now for old, now in renamed.items() if old in given and now not in given}
-    for old, now in new.items():
-        message = f"{old} of {scene} is now {now}; the old name is removed in the next version."
-        warnings.warn(message, DeprecationWarning, stacklevel=3)
-    return {new.get(name, name): x for name, x in given.items()}

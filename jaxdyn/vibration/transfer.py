@@ -30,6 +30,10 @@ from jaxdyn.vibration.inputs import Base, Input, Output, check_input, named_outp
 class TransferFunction(Record):
     """H(s) from an input to an output, a function of complex numbers s (...).
 
+    At an angular frequency omega call ``h(1j * omega)``, which is ``h.at(omega)``. A real number is
+    taken as s itself: ``h(0.0)`` is the response to a constant input, ``h(30.0)`` that to one which
+    grows as e^(30 t).
+
     `drawing.bode` and `to_pandas` show it with the names and units of both.
 
     Several of them, that `jax.vmap` made, are a function whose values have their axes in front.
@@ -62,7 +66,7 @@ class TransferFunction(Record):
     _repr_html_ = _text.html
 
     def __call__(self, s) -> Array:
-        """(..., *outputs) complex H at s (...) [1/s]."""
+        """(..., *outputs) complex H at s (...) [1/s]: 1j * omega at an angular frequency."""
         if self.a.ndim > 2:
             return jax.vmap(lambda one: one(s))(self)
         s = jnp.asarray(s).astype(complex)
@@ -157,7 +161,10 @@ def _signature(c: Array) -> str:
 def transfer_function(
     scene: Scene, input: str | Input, to: Output, y=None, t=0.0
 ) -> TransferFunction:
-    """The transfer function of a scene about an equilibrium, from an input to an output.
+    """The transfer function h of a scene about an equilibrium, from an input to an output.
+
+    Call ``h(1j * omega)``, or ``h.at(omega)``, for its value at an angular frequency: its argument
+    is s.
 
     Args:
       scene: any scene.
@@ -175,8 +182,10 @@ def transfer_function(
     Example:
       >>> from jaxdyn import scenes, vibration
       >>> h = vibration.transfer_function(scenes.oscillator(k=4.0, x=0.0), "x", "x")
-      >>> round(h.at(1.0).real.item(), 12)  # 1 / (k - omega^2)
+      >>> round(h(1j).real.item(), 12)  # 1 / (k - omega^2) at omega = 1, as h.at(1.0)
       0.333333333333
+      >>> round(h(1.0).real.item(), 12)  # 1 / (k + s^2) at s = 1, which is no frequency
+      0.2
     """
     check_scene(scene)
     found = check_input(scene, input)

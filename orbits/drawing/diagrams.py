@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn._checks import check_first, choice
+from jaxdyn._text import with_unit
 from jaxdyn.drawing.bifurcations import (
     EQUILIBRIUM_MARKERS,
     draw_equilibria,
@@ -110,10 +111,10 @@ def _draw_orbits(ax, family: Family, rows: dict) -> None:
 
 
 def _entry(found: Diagram, entry: str | None) -> tuple[int, str]:
-    """The index of the entry of the state that is drawn, and its name."""
+    """The index of the entry of the state that is drawn, and its name with its unit."""
     if found.equilibria:
         return entry_of(found.equilibria, entry)
-    names = [name for name, _ in found.orbits[0].members[0].orbit.scene.labels()]
-    if entry is None:
-        return 0, names[0]
-    return names.index(choice("entry", entry, names)), entry
+    labels = found.orbits[0].members[0].orbit.scene.labels()
+    names = [name for name, _ in labels]
+    index = 0 if entry is None else names.index(choice("entry", entry, names))
+    return index, with_unit(*labels[index])

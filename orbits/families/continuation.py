@@ -243,6 +243,8 @@ def switch_branch(
 ) -> tuple[Orbit | HybridOrbit, float]:
     """An orbit on the other branch through a special point, and its parameter.
 
+    Equilibria have `jaxdyn.continuation.switch_branch`.
+
     Args:
       family: the family of the point.
       special: a special point, one of ``family.special``.

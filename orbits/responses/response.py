@@ -74,14 +74,14 @@ class FrequencyResponse:
 
     @_text.never_raising
     def __repr__(self) -> str:
-        rows = []
+        scene = self.curves[0].members[0].orbit.scene
+        rows, time = [], _text.second(scene.labels())
         for level, curve in zip(self.levels, self.curves, strict=True):
-            special = [f"{m.kind} at {_text.brief(m.parameter)}" for m in curve.special]
+            special = [f"{m.kind} at {_text.frequency(m.parameter, time)}" for m in curve.special]
             unstable = sum(m.stability.verdict == "unstable" for m in curve.members)
             text = f"{number_of(len(curve.members), 'response')}, {unstable} unstable"
             rows.append((f"level {_text.brief(level)}", ", ".join([text, *special])))
             rows.append(("", f"to {curve.end}"))
-        scene = self.curves[0].members[0].orbit.scene
         return _text.table(f"Frequency response of {_text.title_of(scene)}", rows)
 
     @_text.with_picture

@@ -87,6 +87,10 @@ def test_words_of_the_field_find_scenes(jaxdyn):
         ("Hz", "23_vibrations.md"),
         ("matrix", "23_vibrations.md"),
         ("matrices", "linear_system"),
+        ("Kapitza", "shaken_pendulum"),
+        ("strobe", "orbits section"),
+        ("stroboscopic", "orbits section"),
+        ("snapshots", "03_scenes.md"),
     ],
 )
 def test_words_of_the_field_find_guides_problems_and_words(jaxdyn, word, shown):

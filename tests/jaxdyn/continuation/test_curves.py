@@ -131,6 +131,10 @@ def test_lyapunov_coefficients_of_a_normal_form_in_bent_coordinates():
     assert abs(second - 4 * c2) < 1e-12
 
 
+def _hung(g):
+    return jaxdyn.scenes.pendulum(g=g)
+
+
 def test_wrong_arguments_are_refused():
     fold = _imperfect_fold()
     with pytest.raises(ValueError, match="the values of both parameters"):
@@ -152,6 +156,9 @@ def test_wrong_arguments_are_refused():
         drawing.equilibria([family], entry="z")
     one, several = drawing.equilibria(family), drawing.equilibria([family])
     assert len(one.axes[0].lines) == len(several.axes[0].lines) > 0
+    family = jaxdyn.continue_equilibria(_hung, 1.0, [0.0, 0.0], members=2)
+    labels = [drawing.equilibria(family, entry=x).axes[0].get_ylabel() for x in (None, "theta_dot")]
+    assert labels == ["theta [rad]", "theta_dot [rad/s]"]
     with pytest.raises(ValueError, match=r"curves: expected a list .* Write \[curve\]\."):
         drawing.bifurcation_curves(family)
 

@@ -83,8 +83,12 @@ def test_the_band_of_a_new_measurement_is_that_of_linear_regression(track, fitte
     assert np.abs(bars - t * s * np.sqrt(1 + share)).max() < 1e-8
     assert np.abs(fitted.predict(ts)["x"][1] - t * s * np.sqrt(share)).max() < 1e-8
     assert "interval: expected one of" in refusal(lambda: fitted.predict(ts, interval="mean"))
-    bands = [fitted.plot(interval=x).axes[0].collections for x in ("confidence", "prediction")]
-    assert [len(each) for each in bands] == [1, 2]
+    panels = [fitted.plot(interval=x).axes[0] for x in ("confidence", "prediction")]
+    legends = [[x.get_text() for x in panel.get_legend().get_texts()] for panel in panels]
+    assert legends[0] == ["95 % confidence", "fit", "measured"]
+    assert legends[1] == ["95 % prediction", *legends[0]]
+    heights = [np.ptp(x.get_paths()[0].vertices[:, 1]) for x in panels[1].collections]
+    assert heights[0] > heights[1]
 
 
 @pytest.mark.slow

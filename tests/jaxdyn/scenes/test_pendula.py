@@ -144,6 +144,33 @@ def test_double_pendulum_obeys_the_equations_of_the_books():
         assert gap(second, -m2 * g * l2 / 2 * jnp.sin(b)) < EXACT * 100
 
 
+@pytest.mark.parametrize("make", [pendula.double_pendulum, pendula.triple_pendulum])
+def test_dampers_in_hinges_take_the_power_of_the_rates_between_bars(make):
+    c = np.array([0.3, 0.2, 0.1])[: len(make().y0) // 2]
+    for damping in (c, 0.4, (*c[:-1], 0.0)):
+        for relative in (False, True):
+            scene = make(damping=damping, relative=relative)
+            y = RANDOM.ravel()[: len(scene.y0)]
+            v = np.asarray(y[len(c) :])
+            between = v if relative else np.diff(v, prepend=0.0)
+            torques = sum(one.generalized(NOW, y[: len(c)], v) for one in scene.effects[1:])
+            assert gap(torques @ v, -np.sum(damping * between**2)) < EXACT * 100
+    assert make(damping=0.0).effects == make().effects
+
+
+def test_damping_of_a_row_is_one_number_or_one_for_each_hinge():
+    with pytest.raises(ValueError, match=r"damping: expected shape \(2,\), .* One number for all"):
+        pendula.double_pendulum(damping=(0.1, 0.1, 0.1))
+    with pytest.raises(ValueError, match="damping: expected 0 for formulation='constrained'"):
+        pendula.triple_pendulum(formulation="constrained", damping=0.1)
+
+    def rate(c):
+        return pendula.double_pendulum(damping=c).rate(NOW, RANDOM[0])
+
+    # The rate is linear in the coefficient, which may be traced.
+    assert gap(jax.jacfwd(rate)(0.0), rate(1.0) - rate(0.0)) < EXACT * 100
+
+
 def test_end_of_a_double_pendulum_accelerates_alike_by_three_routes():
     l = jnp.array([1.3, 0.6])  # noqa: E741
     for row in jax.random.normal(jax.random.key(3), (5, 6)):

@@ -240,6 +240,15 @@ def test_a_transfer_function_is_a_table():
         h.to_pandas(1.0)
 
 
+def test_the_argument_of_a_transfer_function_is_s_also_where_it_is_real():
+    h = vibration.transfer_function(one(), "x", "x")
+    s = np.array([0.0, 2.0, 30.0])
+    assert_allclose(h(s), 1 / (M * s**2 + C * s + K), rtol=1e-13)
+    assert_allclose(h(1j * OMEGA), receptance(OMEGA), rtol=1e-13)
+    for documented in (vibration.transfer_function, vibration.TransferFunction):
+        assert "h(1j * omega)" in (documented.__doc__ or "")
+
+
 def test_frequency_responses_of_an_oscillator_are_the_closed_forms():
     h = receptance(OMEGA)
     assert_allclose(vibration.receptance(one(), "x", "x", OMEGA), h, rtol=1e-13)

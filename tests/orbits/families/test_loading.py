@@ -15,7 +15,7 @@ def _rate(t, y, mu):
 
 
 def van_der_pol(mu):
-    return jaxdyn.ode(_rate, [0.0, 0.0], 10.0, params=mu)
+    return jaxdyn.ode(_rate, [0.0, 0.0], 10.0, params=mu, names=[("x", "m"), ("v", "m/s")])
 
 
 def follow(path=None, **options):
@@ -68,6 +68,7 @@ def test_an_interrupted_diagram_goes_on_to_the_same_result(tmp_path, monkeypatch
     found = orbits.families.load(path, van_der_pol)
     assert_same(found, whole)
     figure = orbits.drawing.diagram(found, tmp_path / "diagram.png", parameter="mu")
+    assert figure.axes[0].get_ylabel() in ("x [m]", "v [m/s]")
     assert "orbits, stable" in [line.get_label() for line in figure.axes[0].lines]
     # A family that was loaded can be followed from, like a new one.
     member = found.orbits[0].members[-1]
@@ -131,7 +132,7 @@ def test_a_family_alone_is_kept_as_well(tmp_path):
     np.testing.assert_array_equal(loaded.orbits[0].periods, family.periods)
     assert loaded.equilibria == ()
     figure = orbits.drawing.diagram(loaded, tmp_path / "family.png")
-    assert figure.axes[0].get_ylabel() in ("y0", "y1")
+    assert figure.axes[0].get_ylabel() == "x [m]"
     with pytest.raises(ValueError, match="others, whose orbits do not close"):
         orbits.families.load(path, lambda mu: van_der_pol(mu + 0.1))
     held = orbits.find(jaxdyn.scenes.pendulum(angle=0.5), period=2.0)

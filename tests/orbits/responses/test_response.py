@@ -1,5 +1,7 @@
 """Response curves of forced vibrations, against harmonic balance and the linear theory."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -275,8 +277,17 @@ def test_misuse_is_refused_with_what_to_do(options, said):
 def test_units_are_those_of_the_scene():
     labels = [("x", "km"), ("v", "km/day")]
     slow = jaxdyn.ode(rate, [0.0, 0.0], names=labels, params=0.25)
-    table = orbits.frequency_response(slow, "x", (1.2, 1.3), levels=0.1).table().variables
+    response = orbits.frequency_response(slow, "x", (1.2, 1.3), levels=0.1)
+    table, turns = response.table().variables, response.table(hertz=True).variables
     assert [table[name].unit for name in ("frequency", "amplitude")] == ["rad/day", "km"]
+    assert turns["frequency"].unit == "1/day"
+    (curve,) = response.curves
+    marked = dataclasses.replace(curve.members[0], kind=orbits.Kind.FOLD)
+    curves = (dataclasses.replace(curve, special=(marked,)),)
+    w = curve.members[0].parameter
+    assert f"fold at {w:.6g} rad/day ({w / (2 * np.pi):.6g} 1/day)" in repr(
+        dataclasses.replace(response, curves=curves)
+    )
 
 
 @pytest.mark.slow
