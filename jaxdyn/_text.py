@@ -260,7 +260,8 @@ def record(x: Any, named: Callable[[str], str] = str) -> str:
     for field in filter(lambda field: field.init and field.repr, dataclasses.fields(x)):
         inner = getattr(x, field.name, None)
         if field.name in entries:
-            pairs = zip(entries[field.name], inner, strict=True)
+            several = inner if getattr(inner, "ndim", 1) else [inner]
+            pairs = zip(entries[field.name], several, strict=True)
             parts += [f"{name} = {part(one, '', named)}" for name, one in pairs]
             continue
         # Options at their defaults, and unset fields, are omitted.
