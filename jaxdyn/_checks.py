@@ -317,6 +317,9 @@ _REMEDIES = {
     **dict.fromkeys(_MATRICES, "Matrices M, C, K make one: scenes.linear_system(M=M, C=C, K=K)."),
     ("SearchResult", "Orbit"): "Pass one of result.orbits.",
     ("Outcome", "Orbit"): "Pass the orbit itself.",
+    ("Orbit", "Stability"): "Pass orbits.stability(orbit).",
+    ("Family", "Stability"): "Pass the stability of one of family.members, or draw them all: "
+    'orbits.drawing.family(family, quantity="multiplier").',
 }
 
 

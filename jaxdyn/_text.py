@@ -260,7 +260,8 @@ def record(x: Any, named: Callable[[str], str] = str) -> str:
     for field in filter(lambda field: field.init and field.repr, dataclasses.fields(x)):
         inner = getattr(x, field.name, None)
         if field.name in entries:
-            pairs = zip(entries[field.name], inner, strict=True)
+            several = inner if getattr(inner, "ndim", 1) else [inner]
+            pairs = zip(entries[field.name], several, strict=True)
             parts += [f"{name} = {part(one, '', named)}" for name, one in pairs]
             continue
         # Options at their defaults, and unset fields, are omitted.
@@ -344,15 +345,21 @@ def never_raising(written: Callable[P, str]) -> Callable[P, str]:
 @never_raising
 def fields(self: Any) -> str:
     """A record of results as a table of its fields: the `__repr__` of their classes."""
+    return table(type(self).__name__, field_rows(self))
+
+
+def field_rows(self: Any) -> list[tuple[str, str]]:
+    """Name and text of each field of a record of results, in the units of its scene, if any."""
     kind, tuples = type(self), isinstance(self, tuple)
     names = self._fields if tuples else [field.name for field in dataclasses.fields(self)]
-    rows = [(name, _field(kind, name, getattr(self, name))) for name in names]
+    named = getattr(getattr(self, "scene", None), "in_units", str)
+    rows = [(name, _field(kind, name, getattr(self, name), named)) for name in names]
     if isinstance(getattr(kind, "message", None), property):
         rows.append(("message", self.message))
-    return table(kind.__name__, [row for row in rows if row[1] != "None"])
+    return [row for row in rows if row[1] != "None"]
 
 
-def _field(kind: type, name: str, x: Any) -> str:
+def _field(kind: type, name: str, x: Any, named: Callable[[str], str]) -> str:
     """A field of a record; codes by name if it is annotated like ``Annotated[Array, Status]``.
 
     For many codes, it says how often each occurs, the most frequent first.
@@ -360,7 +367,7 @@ def _field(kind: type, name: str, x: Any) -> str:
     code = (*getattr(inspect.get_annotations(kind).get(name), "__metadata__", ()), None)[0]
     values = as_lists(x) if code else None
     if code is None or values is None:
-        return part(x, unit_of(kind, name))
+        return part(x, named(unit_of(kind, name)))
     if not isinstance(values, list):
         return code(values).name
     counts = collections.Counter(x.ravel().tolist()).most_common()

@@ -28,6 +28,12 @@ class Code(enum.IntEnum):
         member._value_, member.message = code, message
         return member
 
+    def __str__(self) -> str:
+        return self.name
+
+    def __format__(self, spec: str) -> str:
+        return format(int(self) if spec else str(self), spec)
+
 
 class Ended:
     """A result that says how its search ended.

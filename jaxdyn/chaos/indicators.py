@@ -112,9 +112,9 @@ class Megno(Record):
         chaotic ones, with L the largest Lyapunov exponent.
       mean: (...) mean of Y over the time [1]: tends to 2 for quasi-periodic motions, and grows like
         L t / 2 for chaotic ones.
-      exponent: (...) mean growth rate of the tangent [1/s], which tends to the largest Lyapunov
-        exponent.
-      time: (...) time since the start [s].
+      exponent: (...) mean growth rate of the tangent, in 1 over the scene's unit of time, which
+        tends to the largest Lyapunov exponent.
+      time: (...) time since the start, in the scene's unit of time.
       status: (...) `Status` codes; numbers are NaN unless it is OK.
     """
 
@@ -133,7 +133,8 @@ class Alignment(Record):
 
     Attributes:
       index: (...) SALI, between 0 and sqrt(2), or GALI, between 0 and 1 [1].
-      time: (...) time since the start [s]; a SALI below `ALIGNED` ends the run.
+      time: (...) time since the start, in the scene's unit of time; a SALI below `ALIGNED` ends
+        the run.
       status: (...) `Status` codes; numbers are NaN unless it is OK.
     """
 

@@ -258,18 +258,17 @@ class LyapunovSpectrum(Record):
             (f"exponent {i + 1}", f"{_text.brief(float(x))} +- {float(bar):.1e}")
             for i, (x, bar) in enumerate(zip(self.exponents, self.bars, strict=True))
         ]
-        residuals = f"trace {float(self.trace_residual):.1e}"
-        if not np.isnan(self.pairing_residual):
-            residuals += f", pairing {float(self.pairing_residual):.1e}"
+        residuals = {"trace": self.trace_residual, "pairing": self.pairing_residual}
+        known = [f"{name} {float(x):.1e}" for name, x in residuals.items() if not np.isnan(x)]
         dimension, bar = float(self.dimension), float(self.dimension_bar)
-        rows += [
-            ("dimension", f"{_text.brief(dimension)} +- {bar:.1e}"),
+        others = [
+            ("dimension", "" if np.isnan(dimension) else f"{_text.brief(dimension)} +- {bar:.1e}"),
             ("divergence", _text.brief(self.divergence)),
-            ("residuals", residuals),
+            ("residuals", ", ".join(known)),
             ("time", f"{_text.brief(self.time)}, in chunks of {_text.brief(self.chunk)}"),
             ("status", f"{Status(int(self.status)).name}: {self.message}"),
-        ]  # fmt: skip
-        return _text.table("LyapunovSpectrum", _text.shorten(rows[:-5]) + rows[-5:])
+        ]
+        return _text.table("LyapunovSpectrum", _text.shorten(rows) + others)
 
     _repr_html_ = _text.html
 

@@ -31,8 +31,8 @@ class ChaosMap(Record):
       second: (b,) values of the second number.
       mean: (a, b) mean MEGNO [1]: about 2 where motions are regular, larger where they are chaotic;
         NaN where there is no motion, or it failed.
-      exponent: (a, b) mean growth rate of a tangent [1/s].
-      time: (a, b) time of each motion [s].
+      exponent: (a, b) mean growth rate of a tangent, in 1 over the unit of time.
+      time: (a, b) time of each motion, in the unit of time of its scene.
       status: (a, b) `Status` codes.
     """
 

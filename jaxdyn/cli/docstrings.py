@@ -133,14 +133,16 @@ def scene_settings(name: str, texts: Iterable[str] | None) -> dict[str, str]:
 
 
 def parameter_name(option: str, parameter: str, name: str) -> str:
-    """The name by which a scene knows the parameter that an option names.
+    """The name by which a scene knows the parameter that an option names, or an entry of one: m.0.
 
     Raises:
       ValueError: the scene has no such parameter.
     """
+    whole = parameter.partition(".")[0]
     if not _scene_files.is_in_file(name):
-        return choice(option, parameter, scenes()[name].parameters)
-    _scene_files.check_parameter(name, option, parameter)
+        choice(option, whole, scenes()[name].parameters)
+        return parameter
+    _scene_files.check_parameter(name, option, whole)
     # Names are case-insensitive in equations as text.
     return parameter.lower() if name.endswith(_scene_files.TEXT) else parameter
 

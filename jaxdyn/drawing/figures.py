@@ -15,6 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
+from matplotlib.ticker import ScalarFormatter
 from PIL import Image
 
 from jaxdyn._checks import fail
@@ -167,5 +168,9 @@ def style(ax) -> None:
         ax.tick_params(labelsize=8)
         ax.locator_params(nbins=4)
         return
+    for axis in (ax.xaxis, ax.yaxis):
+        formatter = axis.get_major_formatter()
+        if isinstance(formatter, ScalarFormatter):  # others, as of logarithms, have no offset
+            formatter.set_useOffset(False)
     ax.spines[["top", "right"]].set_visible(False)
     ax.spines[["left", "bottom"]].set_color(INK)

@@ -149,7 +149,7 @@ def _numbers(part: eqx.Module | dict) -> dict[str, str]:
         if isinstance(x, MaterialPoints):
             found |= _inertia(x)
         elif name in entries and eqx.is_array(x) and x.size <= _MOST:
-            found |= dict(zip(entries[name], map(_text_of, x), strict=True))
+            found |= dict(zip(entries[name], map(_text_of, np.ravel(x)), strict=True))
         elif isinstance(x, eqx.Module | dict):
             found |= _numbers(x)
         elif eqx.is_array(x) and x.size <= _MOST:

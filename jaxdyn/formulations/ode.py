@@ -5,6 +5,7 @@ It is for equations that are not mechanics, or are written down already: the sta
 integrals only if they are given.
 """
 
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -60,6 +61,12 @@ class Ode(System):
 
     def labels(self):
         return self.names
+
+    def parameter_names(self):
+        """The name that the rate gives to `params` where that is one number."""
+        names = list(inspect.signature(self.function).parameters)
+        alone = eqx.is_array(self.params) and not self.params.ndim
+        return {"params": (names[2],)} if alone and len(names) > 2 else {}
 
     def tree(self, y: Array) -> Any:
         """What the functions take for states (..., k): a pytree where the start was one, else y.

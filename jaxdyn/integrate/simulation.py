@@ -199,7 +199,8 @@ def solve(
       fixed: make the scene's numbers, except start and span, constants of the program: faster, but
         new ones recompile, and there are no derivatives with respect to them.
       adjoint: derivatives by the adjoint equations, backwards in time. One loss costs a few solves,
-        whether by one number or by thousands. Reverse mode and first derivatives only.
+        whether by one number or by thousands. Reverse mode and first derivatives only. NaN for
+        stiff motions, see below.
       noise: random perturbation of each step, to measure the effect of rounding; see
         `solvers.perturbed`.
     Returns:
@@ -211,7 +212,8 @@ def solve(
       11 digits after one period and to 9 after ten, that of the Lorenz system by rho to 10 digits
       at t = 10 and to 6 at t = 20, where the state has 8; they gain a digit with each power of ten
       of rtol. Central differences are worse: 7 to 10 digits, with the best step. (All were compared
-      with variational equations in 60 digits.)
+      with variational equations in 60 digits.) With `adjoint` they are NaN for stiff motions, whose
+      fast parts grow backwards in time; leave it out there.
     """
     _checks.float64(rtol)
     options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)

@@ -209,24 +209,26 @@ def restricted_three_body_in_space(
       t1: span [1]; the two masses turn once in 2 pi.
       system: "" for these units; "earth-moon", "sun-earth", "sun-mars", "mars-phobos",
         "jupiter-europa", "saturn-enceladus" or "saturn-titan" for the same scene in km and days,
-        with the mu of that pair. The numbers above remain relative to the distance and the angular
-        velocity of the pair; ``scene.starting(y0, t1)`` takes a state in km and km/day, and a span
-        in days.
+        with the numbers of that pair in JPL's catalogue of periodic orbits of three bodies; those
+        of Earth and Moon are 389703 km and 4.43265 days over a radian, a month of 27.851 days. A
+        ``scenes.restricted.Pair(mu, distance, time)`` has other ones, such as 384400 km and the
+        sidereal month of 27.322 days. The numbers above remain relative to the distance and the
+        angular velocity of the pair; ``scene.starting(y0, t1)`` takes a state in km and km/day,
+        and a span in days.
     """
     y0 = jnp.stack([x, y, z, vx, vy, vz])
     if not system:
         return Scene(RestrictedThreeBodyInSpace(mu), y0=y0, t1=t1)
-    pair = SYSTEMS[_checks.choice("system", system, list(SYSTEMS))]
+    if not isinstance(system, Pair):
+        system = SYSTEMS[_checks.choice("system", system, list(SYSTEMS))]
     if _checks.is_traced(mu) or float(mu) != _MOON:
-        raise _checks.fail(
-            "mu", f'none with system="{system}", which has its own', mu, "Leave it out."
-        )
+        raise _checks.fail("mu", "none with system=, which has its own", mu, "Leave it out.")
     if not _checks.is_traced(y0) and float(jnp.abs(y0).max()) > _MOST:
         wanted = "a start relative to the distance and the angular velocity of the two bodies"
         remedy = "scene.starting(y0) takes one in km and km/day."
         raise _checks.fail("y0", wanted, _text.brief(np.asarray(y0)), remedy)
-    days = pair.time / _DAY
-    made = RestrictedThreeBodyInKilometres(pair.mu, pair.distance, days)
+    days = system.time / _DAY
+    made = RestrictedThreeBodyInKilometres(system.mu, system.distance, days)
     return Scene(made, y0=y0 * made.units, t1=t1 * days)
 
 

@@ -27,7 +27,7 @@ from jaxdyn._numerics import materialize, runtime_one
 from jaxdyn.solvers.method import Advance, Method, Rate, in_loops
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Composition(Method):
     """A symmetric composition of drifts and kicks; it takes a step, not a tolerance.
 

@@ -114,7 +114,7 @@ def _is_explicit(solver, table) -> bool:
     )
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class DiffraxMethod(Method):
     """A solver of diffrax that takes its own steps; only the state passes from one to the next.
 

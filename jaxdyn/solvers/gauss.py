@@ -51,7 +51,7 @@ def mix(matrix: np.ndarray, x: Array) -> Array:
     return jnp.sum(x[..., None, :] * matrix.reshape(*[1] * (x.ndim - 1), *matrix.shape), axis=-1)
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Gauss(Method):
     """Gauss-Legendre collocation with fixed steps.
 

@@ -103,6 +103,9 @@ class Method(abc.ABC):
     #: whose iterations end independently of each other cannot.
     several: ClassVar[bool] = True
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name!r}, order={self.order})"
+
     @property
     def evaluations(self) -> float:
         """Right-hand sides per step; NaN where that varies or is unknown."""

@@ -105,7 +105,7 @@ def _conditions(
 _VECTOR = 8
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Pair(Method):
     """An embedded pair of explicit one-step methods.
 

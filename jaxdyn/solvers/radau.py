@@ -26,7 +26,7 @@ _MAX_ITERATIONS = 25  # most Newton iterations
 _CONVERGED = 4.5  # relative change, in roundings, below which an iteration has converged
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Radau(Method):
     """Radau IIA collocation with an embedded formula for its error.
 

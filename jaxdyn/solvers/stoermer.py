@@ -48,7 +48,7 @@ _LIKE_A_PAIR, _SHARE = 7, 0.3
 _MOST_APART = 9
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Stoermer(Method):
     """The extrapolated leapfrog.
 

@@ -180,7 +180,9 @@ def _named_parts(
     names = field.system.parameter_names().get(rest[0]) if of == "system" and rest else None
     if names is None:
         return [((), value)]
-    return [((name,), np.asarray(entry)) for name, entry in zip(names, value, strict=True)]
+    return [
+        ((name,), np.asarray(entry)) for name, entry in zip(names, np.ravel(value), strict=True)
+    ]
 
 
 def _is_parameter(x: Any) -> bool:

@@ -115,7 +115,10 @@ def seed_from(seed: int, rng: int | np.random.Generator | None) -> int:
 
 
 class Plan(NamedTuple):
-    """The arguments of a search, as sent to the workers: see `search`."""
+    """The arguments of a search, as sent to the workers: see `search`.
+
+    `each` has the sizes (k,) of the entries of a state, those of the first chunk of samples.
+    """
 
     scene: Scene
     sampler: Sampler
@@ -128,6 +131,7 @@ class Plan(NamedTuple):
     windows: int
     close: float
     limit: np.ndarray
+    each: np.ndarray
     normal: Callable[[Orbit], Orbit]
     label: Callable[[Orbit], str]
     rtol: float
@@ -152,8 +156,9 @@ def work(plan: Plan, number: int) -> Chunk:
         windows=plan.windows,
         close=plan.close,
         limit=plan.limit,
+        each=plan.each,
     )
-    near = refine(plan.scene, plan.closing, guesses)
+    near = refine(plan.scene, plan.closing, guesses, plan.each)
     tried: list[_Tried] = []
     finds: list[Find] = []
     # The shortest first, so that guesses of several periods are recognised.

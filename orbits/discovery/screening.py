@@ -101,6 +101,7 @@ def close_returns(
     windows: int,
     close: float,
     limit,
+    each: np.ndarray,
 ) -> Guesses:
     """Where motions nearly close: the smallest residual within each window of the period.
 
@@ -111,13 +112,13 @@ def close_returns(
       shortest: shortest period.
       longest: longest period.
       windows: number of parts of that range, each of which has its own guess.
-      close: largest residual of a guess, in units of the sizes at the scene's own start.
+      close: largest residual of a guess, in units of `each`.
       limit: (k,) or () magnitudes of the state beyond which a motion has escaped.
+      each: (k,) sizes of the entries of a state, as of `sizes_of_starts`.
     Returns:
       The guesses, in the order of the starts.
     """
     edges = np.linspace(shortest, longest, windows + 1) / closing.parts
-    each = sizes_of_starts(scene, longest)
     gap = ClosingGap(scene.system, closing, jnp.asarray(closing.residual_units(each)))
     watch = Together(
         CloseReturn.of(scene, later=edges[:-1], before=edges[1:], gap=gap),
@@ -143,30 +144,38 @@ def close_returns(
     )
 
 
-def sizes_of_starts(scene: Scene, longest: float) -> np.ndarray:
-    """(k,) sizes of the entries of motions whose periods are not known yet."""
-    found = np.asarray(_at_start(scene, jnp.asarray(longest, float)))
-    return np.where(found > 0, found, 1.0)
+def sizes_of_starts(scene: Scene, y0s, longest: float) -> np.ndarray:
+    """(k,) sizes of the entries of motions whose periods are not known yet.
+
+    Args:
+      scene: the scene.
+      y0s: (n, k) starts of the motions; of their sizes each entry has the median, which single
+        starts far away or near a collision hardly change.
+      longest: longest period.
+    """
+    found = np.asarray(_at_starts(scene, jnp.asarray(y0s, float), jnp.asarray(longest, float)))
+    known = np.where((found > 0) & np.isfinite(found), found, np.nan)
+    known = np.where(np.isnan(known).all(axis=0), 1.0, known)
+    return np.nanmedian(known, axis=0)
 
 
 @eqx.filter_jit
-def _at_start(scene: Scene, span: Array) -> Array:
-    zero = jnp.zeros(())
-    return at_start(scene.field, groups(scene.system), zero, scene.y0, span)[0].sizes
+def _at_starts(scene: Scene, y0s: Array, span: Array) -> Array:
+    zero, own = jnp.zeros(()), groups(scene.system)
+    return jax.vmap(lambda y0: at_start(scene.field, own, zero, y0, span)[0].sizes)(y0s)
 
 
-def refine(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
-    """The guesses that Newton's method moves close to an orbit, refined."""
+def refine(scene: Scene, closing: Closing, guesses: Guesses, each: np.ndarray) -> Guesses:
+    """The guesses that Newton's method moves close to an orbit, refined; `each` has the sizes."""
     blocks = [
-        _newton_step(scene, closing, guesses.take(slice(i, i + _BLOCK)))
+        _newton_step(scene, closing, guesses.take(slice(i, i + _BLOCK)), each)
         for i in range(0, len(guesses.index), _BLOCK)
     ]
     return jax.tree.map(lambda *columns: np.concatenate(columns), *blocks) if blocks else guesses
 
 
-def _newton_step(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
+def _newton_step(scene: Scene, closing: Closing, guesses: Guesses, each: np.ndarray) -> Guesses:
     n = len(guesses.index)
-    each = sizes_of_starts(scene, guesses.periods.max())
     batch = _Batch(scene, closing, is_driven(scene), each)
     base = np.pad(guesses.y0s, ((0, _BLOCK - n), (0, 0)), constant_values=np.nan)
     periods = np.pad(guesses.periods, (0, _BLOCK - n), constant_values=np.nan)

@@ -26,10 +26,12 @@ from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.given import pose
 from orbits.discovery.chunks import MOST, Plan, Sampler, keep, no_label, seed_from, work
 from orbits.discovery.journal import Chunk, File, Find, distinct
+from orbits.discovery.screening import sizes_of_starts
 from orbits.discovery.workers import pack
 from orbits.orbit import Orbit
 from orbits.shooting.finding import RTOL
 
+_REMEDY = "Raise close, longest or samples, or start where the motions go."
 _AHEAD = 64  # chunks submitted to an executor in advance
 
 
@@ -55,6 +57,8 @@ class SearchResult:
         ]
         counts = ("counts", ", ".join(f"{n} {name}" for name, n in self.counts.items()))
         head = f"SearchResult: {number_of(len(rows), 'orbit')} of {_text.title_of(self.plan.scene)}"
+        if not self.counts["guesses"]:
+            rows.append(("", f"No motion returned within close = {self.plan.close:g}. {_REMEDY}"))
         return _text.table(head, [counts, *_text.shorten(rows)])
 
     _repr_html_ = _text.html
@@ -101,7 +105,7 @@ def search(
       closing: the closing condition. A symmetric one is cheaper and finds more.
       windows: number of parts of the range of periods, each with its own closest return.
       close: largest residual of a return that is a guess, in units of the sizes of the entries at
-        the scene's own start (`jaxdyn.scales`).
+        the first chunk of starts (`jaxdyn.scales`).
       limit: (k,) or () magnitudes of the state beyond which a motion has escaped.
       normal: orbit -> the same orbit in the frame and scale of the table.
       label: orbit -> its name.
@@ -143,11 +147,13 @@ def search(
         windows=windows,
         close=close,
         limit=np.asarray(limit, float),
+        each=np.ones(len(scene.y0)),
         normal=normal,
         label=label,
         rtol=rtol,
     )
     _check(plan)
+    plan = plan._replace(each=sizes_of_starts(scene, _first_chunk(plan), plan.longest))
     file = File(path, {} if path is None else _header(plan))
     own = executor is None
     pool = futures.ThreadPoolExecutor(cores()) if executor is None else executor
@@ -226,10 +232,14 @@ def _header(plan: Plan) -> dict[str, Any]:
     """The description that identifies a search."""
     names = ("samples", "chunk", "seed", "shortest", "longest", "windows", "close", "rtol")
     encoded = {"scene": encode_scene(plan.scene), "closing": encode(plan.closing)}
-    first = plan.sampler(np.arange(min(plan.samples, plan.chunk)), plan.seed)
     return {
         **encoded,
         **{name: getattr(plan, name) for name in names},
         "limit": [str(x) for x in np.ravel(plan.limit)],
-        "starts": np.asarray(first).tolist(),
+        "starts": np.asarray(_first_chunk(plan)).tolist(),
     }
+
+
+def _first_chunk(plan: Plan) -> np.ndarray:
+    """(n, k) the starts of the first chunk."""
+    return plan.sampler(np.arange(min(plan.samples, plan.chunk)), plan.seed)

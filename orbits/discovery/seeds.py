@@ -111,7 +111,8 @@ def returns(
       Seeds at local minima of the residual over start and period, of samples. Its entries are
       measured by how far they, or others of their unit, move in the run.
     Raises:
-      ValueError: not 0 <= `shortest` < `longest` <= `span`.
+      ValueError: not 0 <= `shortest` < `longest` <= `span`, or `span` is so long that no return can
+        be told in its 2048 samples.
     """
     _check_periods(span, shortest, longest)
     count = _SAMPLES
@@ -120,7 +121,9 @@ def returns(
     low = max(1, int(np.ceil(shortest / closing.parts / ts[1])))
     high = min(count - 1, int(longest / closing.parts / ts[1]))
     if high <= low + 1:
-        raise fail("longest", f"at least {4 * ts[1] * closing.parts:.3g}", longest)
+        least = (low + 2) * ts[1] * closing.parts
+        remedy = f"The run has {count} samples, one every {ts[1]:.3g}. Choose a shorter span."
+        raise fail("longest", f"at least {least:.3g}", longest, remedy)
     units = jnp.asarray(closing.residual_units(_extents(scene, span, np.asarray(flow.ys))))
     misses = np.asarray(_miss_table(ClosingGap(scene.system, closing, units), flow.ys, low, high))
     around = np.pad(misses, 1, constant_values=np.inf)
@@ -150,7 +153,7 @@ def extents(scene: Scene, span: float, ys: np.ndarray) -> np.ndarray:
 
     A motion that escapes says nothing about those that close, nor does one at rest to rounding.
     """
-    each = sizes_of_starts(scene, span)
+    each = sizes_of_starts(scene, scene.y0[None], span)
     known = ys[np.isfinite(ys).all(axis=1)]
     return np.clip(np.ptp(known, axis=0), _STILL * each, _AWAY * each)
 

@@ -12,6 +12,7 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn._checks import check_first, choice, fail
 from jaxdyn.scenes import catalogue
+from jaxdyn.scenes.corners import has_corners
 
 _ASIDE, _LATER = 0.1, 0.3  # offset of a state, and a time, where a drive or damper acts, if any
 
@@ -25,19 +26,24 @@ def maker(
     Args:
       name: name of the scene.
       values: the numbers that differ from the scene's defaults.
-      parameter: name of the number.
+      parameter: name of the number; ``m.0`` is the first entry of a parameter m.
     Raises:
       ValueError: the scene has no such number, or its rate is not differentiable in it.
     """
     entry = catalogue.entry(name)
-    choice("parameter", parameter, entry.parameters)
-    value = {**entry.parameters, **values}[parameter]
-    remedy = "Its motion must be smooth in it."
-    if isinstance(value, bool | str) or not isinstance(value, int | float):
+    whole, _, place = parameter.partition(".")
+    choice("parameter", whole, entry.parameters)
+    value, remedy = {**entry.parameters, **values}[whole], "Its motion must be smooth in it."
+    if not isinstance(value, bool | str) and np.ndim(value) == 1:
+        each = [f"{whole}.{i}" for i in range(len(value))]
+        if parameter not in each:
+            raise fail("parameter", f"one of {', '.join(each)}", parameter)
+        value = np.asarray(value, float).tolist()[int(place)]
+    elif place or isinstance(value, bool | str) or not isinstance(value, int | float):
         raise fail("parameter", "one number", f"{parameter} = {value!r}", remedy)
 
     def make(x: Array) -> Scene:
-        return entry.make(**{**values, parameter: x})
+        return entry.make(**_with_number(entry, values, parameter, x))
 
     try:
         slopes = jax.jacfwd(lambda x: _rates(make(x)))(float(value))
@@ -45,9 +51,25 @@ def maker(
         got = f"{parameter}, which shapes the scene of {name}"
         raise fail("parameter", "one that only changes numbers", got, remedy) from error
     if not np.any(slopes):
-        remedy = "The start is found anyway; without parameter= the energy changes."
-        raise fail("parameter", "one that changes the forces", parameter, remedy)
+        got, remedy = (
+            f"{parameter}, which changes the start alone",
+            "Without one, the energy varies.",
+        )
+        if has_corners(make(jnp.asarray(value, float))):
+            remedy = "The guide 22_walkers.md has periodic motions with impacts, by find_hybrid."
+        raise fail("parameter", "one that changes the rate of the state", got, remedy)
     return make, float(value)
+
+
+def _with_number(
+    entry: catalogue.Entry, values: dict[str, Any], parameter: str, x: Array
+) -> dict[str, Any]:
+    """The values with another number for a parameter, or for an entry of one."""
+    whole, _, place = parameter.partition(".")
+    if not place:
+        return {**values, whole: x}
+    known = jnp.asarray({**entry.parameters, **values}[whole], float)
+    return {**values, whole: known.at[int(place)].set(x)}
 
 
 def maker_of_two(
@@ -69,10 +91,10 @@ def maker_of_two(
     entry = catalogue.entry(name)
 
     def make(x: Array, y: Array) -> Scene:
-        return entry.make(**{**values, first: x, second: y})
+        return entry.make(**_with_number(entry, _with_number(entry, values, first, x), second, y))
 
     kind = inspect.Parameter.POSITIONAL_ONLY
-    named = [inspect.Parameter(parameter, kind) for parameter in parameters]
+    named = [inspect.Parameter(parameter.replace(".", ""), kind) for parameter in parameters]
     make.__signature__ = inspect.Signature(named)  # pyright: ignore[reportFunctionMemberAccess]
     return make, (present[0], present[1])
 

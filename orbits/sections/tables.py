@@ -61,7 +61,12 @@ class SectionPoints(NamedTuple):
     energies: np.ndarray
     drift: np.ndarray
 
-    __repr__ = _text.fields
+    @_text.never_raising
+    def __repr__(self) -> str:
+        unknown = () if self.scene.has_energy else ("energies", "drift")
+        rows = [row for row in _text.field_rows(self) if row[0] not in unknown]
+        return _text.table("SectionPoints", rows)
+
     _repr_html_ = _text.html
     to_pandas = _labelled.to_pandas
     to_xarray = _labelled.to_xarray

@@ -55,7 +55,7 @@ _TINY = np.finfo(float).tiny
 _REMEDY = "Leave the solver out, or use solvers.VERNER9, which needs no formulas."
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Taylor(Method):
     """The Taylor series of the solution up to some order.
 

@@ -46,7 +46,7 @@ def family_command(
     name: SceneArgument,
     settings: SetOption = None,
     parameter: Annotated[
-        str | None, typer.Option(help="The parameter that varies; by default the energy.")
+        str | None, typer.Option(help="The number that varies, as g or m.0; else the energy.")
     ] = None,
     from_orbit: Annotated[
         Path | None, typer.Option(help="Start with the orbit in this file.", callback=read)

@@ -72,6 +72,7 @@ def test_megno_tells_regular_from_chaotic_motions():
     assert found.mean.shape == (1, 2)
     assert abs(found.mean[0, 0] - 2) < 0.1
     assert found.mean[0, 1] > 20
+    assert "1/s" not in repr(found)  # the unit of time of the scene is not known there
     # The mean grows like half the Lyapunov exponent times the time.
     assert 0.5 < found.mean[0, 1] / (0.5 * 1000.0 * found.exponent[0, 1]) < 2
 

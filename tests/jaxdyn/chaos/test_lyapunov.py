@@ -187,6 +187,11 @@ def test_a_spectrum_describes_itself():
     assert f"exponent 1  {float(slow.exponents[0]):.6g} +-" in repr(slow)
     assert "+-" in repr(found)
     assert found.ok
+    rows = ("dimension ", "trace ")
+    assert all(row in repr(found) for row in rows)
+    nothing = {"dimension": jnp.array(np.nan), "trace_residual": jnp.array(np.nan)}
+    few = repr(dataclasses.replace(found, **nothing))
+    assert not any(row in few for row in (*rows, "residuals", "nan"))
 
 
 def test_a_motion_that_fails_has_a_status_and_no_number():

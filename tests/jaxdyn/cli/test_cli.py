@@ -440,6 +440,13 @@ def test_a_motion_that_stops_is_exit_code_1(jaxdyn):
     assert "not reached" in out
 
 
+def test_a_chain_of_phases_that_stops_is_exit_code_1(jaxdyn):
+    code, out, _ = jaxdyn("run", "ball_on_table", "--t1", "1e3", "--samples", "2")
+    assert code == 1
+    assert "stopped" in out
+    assert "The limit of phases was reached." in " ".join(out.split())
+
+
 def _shell(command: str, **more: str) -> subprocess.CompletedProcess:
     environment = os.environ | more
     return subprocess.run(["sh", "-c", command], capture_output=True, env=environment, check=False)

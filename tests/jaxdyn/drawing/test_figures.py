@@ -27,3 +27,15 @@ def test_a_high_legend_makes_the_figure_grow_and_leaves_the_panel_its_height():
         return ax.get_window_extent().height / figure.dpi
 
     assert panel(16) > panel(2) - 0.5
+
+
+def test_numbers_on_axes_are_written_in_full():
+    figure = figures.blank(4.0, 4.0)
+    ax = figure.add_subplot()
+    ax.plot([0.99991, 1.0], [5e-5, 6e-5])
+    figures.style(ax)
+    figure.draw_without_rendering()
+    places = ax.get_xticks()
+    written = [label.get_text() for label in ax.get_xticklabels()]
+    np.testing.assert_allclose([float(text) for text in written], places, rtol=1e-12)
+    assert ax.xaxis.get_offset_text().get_text() == ""

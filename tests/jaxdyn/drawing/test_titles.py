@@ -7,6 +7,7 @@ import jax
 import numpy as np
 import pytest
 
+import jaxdyn
 from jaxdyn import Scene, drawing, scenes, simulate, vibration
 from jaxdyn.drawing.titles import describe, readable
 from jaxdyn.effects import UniformGravity
@@ -80,3 +81,14 @@ def test_numbers_that_are_zero_by_default_are_left_out():
     assert describe(scenes.oscillator(k=0.0)) == "oscillator (m = 1), spring (k = 0)"
     assert "phase = 1" in describe(scenes.shaken_pendulum(phase=1.0))
     assert "phase" not in describe(scenes.shaken_pendulum(phase=0.0))
+
+
+def test_one_number_of_an_ode_has_the_name_that_its_rate_gives_it():
+    def roessler(t, y, c):
+        return [-y[1] - y[2], y[0] + 0.2 * y[1], 0.2 + y[2] * (y[0] - c)]
+
+    scene = jaxdyn.ode(roessler, [1.0, 0.0, 0.0], params=5.7)
+    assert describe(scene) == "roessler (c = 5.7)"
+    assert "c = 5.7" in repr(scene)
+    several = jaxdyn.ode(lambda t, y, p: [-p[0] * y[0]], [1.0], params=[1.0, 2.0], name="decay")
+    assert describe(several) == "decay"

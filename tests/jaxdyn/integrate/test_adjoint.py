@@ -5,7 +5,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
+import jaxdyn
 from jaxdyn import scenes, solvers
 from jaxdyn.effects import LinearDrag
 from jaxdyn.integrate.simulation import solve
@@ -107,3 +109,33 @@ def test_forward_mode_is_refused(transform):
 def test_what_has_no_adjoint_is_refused(make, how, why):
     with pytest.raises(ValueError, match=f"adjoint: expected {why}"):
         solve(make(), 1.0, adjoint=True, **how)
+
+
+@pytest.mark.slow
+def test_gradients_of_stiff_motions_are_nan_and_need_the_variational_equations():
+    """Robertson's reactions, whose fast part grows by exp(1e5) in 40 s backwards."""
+
+    def gradient(adjoint):
+        def rate(t, y, k):
+            slow, back, fast = k[0] * y[0], 1e4 * y[1] * y[2], k[1] * y[1] ** 2
+            return [back - slow, slow - back - fast, fast]
+
+        def end(k):
+            scene = jaxdyn.ode(rate, [1.0, 0.0, 0.0], params=k)
+            return solve(scene, 40.0, solver=solvers.RADAU9, adjoint=adjoint).y1[0]
+
+        return np.asarray(jax.grad(end)(jnp.array([0.04, 3e7])))
+
+    def by_scipy(k):
+        def rate(t, y):
+            slow, back, fast = k[0] * y[0], 1e4 * y[1] * y[2], k[1] * y[1] ** 2
+            return [back - slow, slow - back - fast, fast]
+
+        flow = solve_ivp(rate, (0, 40), [1.0, 0, 0], method="Radau", rtol=1e-11, atol=1e-15)
+        return flow.y[0, -1]
+
+    assert np.isnan(gradient(adjoint=True)).all()
+    k = np.array([0.04, 3e7])
+    steps = 1e-3 * np.diag(k)
+    wanted = [(by_scipy(k + h) - by_scipy(k - h)) / (2 * h.sum()) for h in steps]
+    np.testing.assert_allclose(gradient(adjoint=False), wanted, rtol=1e-4)

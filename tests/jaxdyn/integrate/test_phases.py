@@ -1,5 +1,7 @@
 """run() and follow(): motions with corners."""
 
+import json
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -63,6 +65,8 @@ def test_infinitely_many_bounces_end_at_the_limit_of_phases(bounces):
     assert abs(bounces.t - 2.0) < 2.0 * KEEPS**20 + SOLVED
     assert not bounces.ended
     assert bounces.status == Status.PHASE_LIMIT
+    assert f"{bounces.status!s} {bounces.status} {bounces.status:d}" == "PHASE_LIMIT PHASE_LIMIT 14"
+    assert json.dumps(bounces.status) == "14"
     start = "At t = 2, after 20 phases: The limit of phases was reached. Raise max_phases;"
     assert bounces.message.startswith(start)
     assert "add an exit to a phase of rest" in bounces.message

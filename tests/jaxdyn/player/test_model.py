@@ -503,7 +503,7 @@ def test_parameters_have_their_units_and_meanings():
         ({"k": np.array([4.0, 0.1])}, ["k[0]", "k[1]"]),
         (({"a": 1.0}, [2.0, 3.0]), ["a", "params[1][0]", "params[1][1]"]),
         ({"A": np.eye(2)}, ["A[0,0]", "A[0,1]", "A[1,0]", "A[1,1]"]),
-        (4.0, ["params"]),
+        (4.0, ["p"]),
     ],
 )
 def test_numbers_of_users_are_named_as_in_python(params, names):

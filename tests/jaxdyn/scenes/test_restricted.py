@@ -174,6 +174,29 @@ def test_kilometres_and_days_are_the_same_motion():
     assert abs(distance**3 / 382981.289129055**2 / (398600.44 + 4902.80) - 1) < 1e-6
 
 
+def test_distance_and_month_may_be_given():
+    """Real months, by a rotation in a frame at rest: a month later both bodies are back."""
+    listed = scenes.restricted_three_body_in_space(system="earth-moon")
+    assert 2 * np.pi * float(listed.system.time) == pytest.approx(27.851, abs=5e-4)
+    seconds = 27.321661 * 86400 / (2 * np.pi)
+    pair = scenes.restricted.Pair(0.0121505856, 384400.0, seconds)
+    scene = scenes.restricted_three_body_in_space(system=pair)
+    # Far from both, Kepler's motion about all the mass: beyond the Moon by ten times its distance.
+    far, turn = 10 * 384400.0, 2 * np.pi / 27.321661
+    speed = turn * 384400.0**1.5 / far**0.5 - turn * far
+    away = scene.starting([far, 0, 0, 0, speed, 0], 27.321661)
+    angle = (10**-1.5 - 1) * 2 * np.pi
+    end = jaxdyn.solve(away, away.t1).y1[:2] / far
+    np.testing.assert_allclose(end, [np.cos(angle), np.sin(angle)], atol=1e-3)
+    # The distance is a number of the scene, by which it has derivatives.
+    slope = jax.grad(
+        lambda km: scenes.restricted_three_body_in_space(system=pair._replace(distance=km)).y0[0]
+    )(384400.0)
+    assert float(slope) == pytest.approx(0.8234)
+    with pytest.raises(ValueError, match="distance: expected > 0"):
+        scenes.restricted_three_body_in_space(system=pair._replace(distance=-1.0)).check()
+
+
 def test_units_of_a_scene_are_those_of_its_tables(tmp_path):
     scene = scenes.restricted_three_body_in_space(system="earth-moon")
     motion = jaxdyn.simulate(scene, 1.0, samples=3)
@@ -187,7 +210,7 @@ def test_units_of_a_scene_are_those_of_its_tables(tmp_path):
     assert units == ["day", "km^2/day^2"]
     with pytest.raises(ValueError, match="system: expected one of earth-moon"):
         scenes.restricted_three_body_in_space(system="moon")
-    said = 'mu: expected none with system="earth-moon", which has its own'
+    said = "mu: expected none with system=, which has its own"
     with pytest.raises(ValueError, match=said):
         scenes.restricted_three_body_in_space(system="earth-moon", mu=0.1)
     with pytest.raises(ValueError, match=said):  # its derivative would be 0

@@ -199,3 +199,10 @@ def test_methods_without_an_error_estimate_take_equal_steps(method, order):
     assert abs(np.log2(errors[0] / errors[1]) - order) < 0.1
     with pytest.raises(ValueError, match=r"^dt: expected a step, since those of .* are equal"):
         simulate(scenes.oscillator(), 2.0, solver=method)
+
+
+def test_methods_print_their_names_alone():
+    assert repr(solvers.RADAU9) == "Radau('Radau 9', order=9)"
+    methods = [x for x in vars(solvers).values() if isinstance(x, Method)]
+    assert all(x.name in repr(x) and len(repr(x)) < 60 for x in methods)
+    assert "Tsit5" in repr(from_diffrax(diffrax.Tsit5()))

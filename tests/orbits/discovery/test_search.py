@@ -13,6 +13,7 @@ from helpers import refusal
 from two_cycles import G, two_cycles
 from typer.testing import CliRunner
 
+import jaxdyn
 import orbits
 from jaxdyn import ensemble, scenes
 from jaxdyn.ensemble import watches
@@ -158,6 +159,32 @@ def test_an_equilibrium_is_no_orbit():
     assert len(orbits.search(two_cycles(), near, 2, longest=0.5, close=1e-2)) == 0
 
 
+def test_a_search_that_finds_no_guess_says_what_to_change():
+    near = orbits.discovery.Starts(1e-3 * np.eye(2))
+    found = orbits.search(two_cycles(), near, 2, longest=0.5, close=1e-2)
+    assert found.counts["guesses"] == 0
+    assert "No motion returned within close = 0.01. Raise close" in repr(found)
+
+
+def test_a_search_does_not_depend_on_the_start_of_the_scene(both):
+    scene = two_cycles().starting([1e-4, 0.0])
+    found = orbits.search(
+        scene, orbits.Box((0.6, 0.6), (1.6, 1.6)), SAMPLES, longest=3.5, windows=2, chunk=CHUNK
+    )
+    assert found.counts == both.counts
+    assert found.finds == both.finds
+
+
+@pytest.mark.slow
+def test_all_short_cycles_of_lorenz_are_found_from_its_attractor():
+    """One for each word of two lobes up to four letters: AB, AAB, ABB, AAAB, AABB, ABBB."""
+    scene = scenes.lorenz()  # which starts far from the attractor, at (1, 1, 1)
+    ys = np.asarray(jaxdyn.simulate(scene, 100.0, samples=200).ys)[50:]
+    found = orbits.search(scene, orbits.discovery.Starts(ys), 64, longest=3.2, shortest=1.0)
+    published = [1.5586522, 2.3059073, 2.3059073, 3.0235837, 3.0235837, 3.0842768]  # Viswanath
+    np.testing.assert_allclose([f.period for f in found.finds], published, rtol=1e-7)
+
+
 def test_what_runs_away_is_cut_short():
     guesses = screen.close_returns(
         two_cycles(),
@@ -168,6 +195,7 @@ def test_what_runs_away_is_cut_short():
         windows=2,
         close=10.0,
         limit=2.2,
+        each=np.ones(2),
     )
     assert set(guesses.index) == {0}
 
@@ -197,7 +225,7 @@ def test_refined_guesses_are_on_the_cycles():
         np.array([3.0, 1.3, 0.2]),
         np.ones(3),
     )
-    found = screen.refine(two_cycles(), orbits.PLAIN, guesses)
+    found = screen.refine(two_cycles(), orbits.PLAIN, guesses, np.ones(2))
     assert list(found.index[:2]) == [0, 1]
     np.testing.assert_allclose(np.hypot(*found.y0s[:2].T), [1.0, 2.0], atol=1e-6)
     np.testing.assert_allclose(found.periods[:2], PERIODS[::-1], atol=1e-6)

@@ -66,8 +66,12 @@ def test_a_long_run_returns_to_the_cycle():
     assert orbit.period == pytest.approx(2 * np.pi / 5, rel=1e-11)
     with pytest.raises(ValueError, match="longest: expected above shortest"):
         seeds.returns(two_cycles(), 1.0, longest=2.0)
-    with pytest.raises(ValueError, match="longest: expected at least"):
+    said = "longest: expected at least 14.7, got 2.0. The run has 2048 samples, one every 4.89"
+    with pytest.raises(ValueError, match=said):
         seeds.returns(two_cycles(), 1e4, longest=2.0)
+    with pytest.raises(ValueError, match=r"longest: expected at least 0.0293, got"):
+        seeds.returns(two_cycles(), 20.0, longest=0.02)
+    assert isinstance(seeds.returns(two_cycles(), 20.0, longest=0.0294), list)
 
 
 def test_starts_on_a_line_are_kept_by_the_reversal():

@@ -55,3 +55,13 @@ def test_a_notebook_shows_the_table_and_the_picture(found):
     text = found._repr_html_()
     assert "<table" in text
     assert 'src="data:image/png;base64,' in text
+
+
+def test_what_is_given_in_place_of_a_stability_leads_to_one():
+    swing = orbits.find(scenes.pendulum(angle=1.0), period=6.7)
+    said = refusal(lambda: drawing.multipliers(swing))
+    assert "Pass orbits.stability(orbit)." in said
+    family = orbits.continue_family(swing, members=2)
+    said = refusal(lambda: drawing.multipliers(family))
+    assert "family.members" in said
+    assert 'orbits.drawing.family(family, quantity="multiplier")' in said

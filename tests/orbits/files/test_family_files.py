@@ -1,5 +1,6 @@
 """Families as lists: kept in files to the bit, drawn, and made on the command line."""
 
+import inspect
 import json
 import math
 
@@ -12,7 +13,7 @@ import jaxdyn
 import orbits
 from jaxdyn import scenes
 from orbits import PLAIN, Kind, drawing
-from orbits.families.parameters import maker
+from orbits.families.parameters import maker, maker_of_two
 from orbits.files import family_files
 from orbits.files.family_files import Entry, Listing
 from orbits.orbit import Orbit, Outcome
@@ -196,11 +197,25 @@ def test_the_symmetric_orbit_of_lorenz_loses_its_stability_at_a_branch_point(tmp
     [
         ("pendulum", "lenght", "Did you mean"),
         ("pendulum", "formulation", "one number"),
-        ("spring_mass", "position", "one number"),
-        ("pendulum", "angle", "one that changes the forces"),
+        ("spring_mass", "position", "expected one of position.0, position.1, got position"),
+        ("pendulum", "angle", "one that changes the rate of the state, got angle, which changes"),
+        ("ball_on_table", "amplitude", "22_walkers.md has periodic motions with impacts, by find_"),
+        ("three_body", "m", "parameter: expected one of m.0, m.1, m.2, got m"),
+        ("three_body", "m.3", "parameter: expected one of m.0, m.1, m.2, got m.3"),
+        ("pendulum", "m.0", "one number, got m.0"),
         ("cylinder_on_ramp", "slope", "one that only changes numbers"),
     ],
 )
 def test_a_number_that_cannot_be_continued_in_is_refused(name, parameter, message):
     with pytest.raises(ValueError, match=message):
         maker(name, {}, parameter)
+
+
+def test_a_parameter_may_be_an_entry_of_an_array():
+    make, value = maker("three_body", {"m": (1.0, 2.0, 3.0)}, "m.1")
+    assert value == 2.0
+    assert make(5.0).system.m.tolist() == [1.0, 5.0, 3.0]
+    of_two, values = maker_of_two("three_body", {}, ("m.0", "m.2"))
+    assert values == (1.0, 1.0)
+    assert of_two(4.0, 6.0).system.m.tolist() == [4.0, 1.0, 6.0]
+    assert list(inspect.signature(of_two).parameters) == ["m0", "m2"]

@@ -1,5 +1,7 @@
 """orbits.section: the crossings of many starts, in an ensemble or one after the other."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -44,6 +46,20 @@ def by_scipy(y0, crossings):
         y0 = solved(y0, -y0[0] / y0[2]).y[:, -1]
         found.append(y0)
     return np.array(found)
+
+
+def test_a_section_prints_energies_in_the_units_of_its_scene_or_none():
+    def printed(scene):
+        found = orbits.section(scene, Reaches(0, 0.0, 1), crossings=2)
+        return dict(line.split(maxsplit=1) for line in repr(found).splitlines()[1:])
+
+    def turns(t, y):
+        return [y[1], -y[0]]
+
+    assert not {"energies", "drift"} & printed(jaxdyn.ode(turns, [1.0, 0.0], 20.0)).keys()
+    assert printed(SWING)["energies"] == "(2,) J"
+    small = dataclasses.replace(SWING, units=("cm", "g", "s"))
+    assert printed(small)["energies"] == "(2,) g cm^2/s^2"
 
 
 @pytest.mark.slow
