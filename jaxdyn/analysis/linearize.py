@@ -87,7 +87,8 @@ def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
 
     Args:
       scene: any scene; the verdict is meaningful for autonomous ones.
-      y: (k,) state; the verdict is meaningful at equilibria.
+      y: (k,) state; the verdict is meaningful at equilibria. For steady motions, such as rolling or
+        precession, there is `jaxdyn.analysis.steady.linearize_steady`.
       t: () time [s].
     Raises:
       ValueError: `y` or `t` is not finite or has a wrong shape, or the rate has no derivative.
@@ -216,7 +217,8 @@ def check_equilibrium(scene: Scene, y: Array, t=0.0) -> None:
     rate = np.abs(np.asarray(scene.rate(jnp.asarray(t, float), jnp.asarray(y))))
     if not (rate * float(time) <= _MAX_REST_FORCE * each).all():
         got = f"a rate of {rate.max():.3g}"
-        raise _checks.fail("y", "an equilibrium", got, "`equilibria` finds them.")
+        remedy = "`equilibria` finds them; steady motions have `analysis.steady.linearize_steady`."
+        raise _checks.fail("y", "an equilibrium", got, remedy)
 
 
 def is_second_order(scene: Scene, y: Array) -> bool:

@@ -25,6 +25,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _text
 from jaxdyn._checks import check_first
+from jaxdyn.analysis.eigenvalues import with_bars
 from jaxdyn.analysis.linearize import Linearization, classify
 from jaxdyn.analysis.scales_at_rest import at_rest
 from jaxdyn.scales import groups
@@ -58,7 +59,16 @@ class SteadyMotion:
     symmetries: int
     family: int
 
-    __repr__ = _text.fields
+    @_text.never_raising
+    def __repr__(self) -> str:
+        found = self.reduced
+        rows = [
+            ("eigenvalues", with_bars(found.eigenvalues, found.bars)),
+            ("symmetries", str(self.symmetries)),
+            ("family", str(self.family)),
+        ]
+        return _text.table(f"Steady motion: {found.verdict}, {found.portrait}", rows)
+
     _repr_html_ = _text.html
 
     @property

@@ -42,8 +42,10 @@ _COPIES_IN_MEMORY = 4  # copies of the samples in a run: nodes, states, temporar
 T = TypeVar("T")
 
 
-class Share(float):
+class Share(NamedTuple):
     """An absolute tolerance in parts of the sizes of a motion; see `solvers.stepper`."""
+
+    value: Any
 
 
 class SolverOptions(NamedTuple):
@@ -76,6 +78,7 @@ def host_floats(x, name: str = "number") -> Array | np.ndarray:
 def tolerances(rtol, atol) -> Array | np.ndarray:
     """(3,) relative and absolute tolerance, checked, and one in parts of the motion's sizes."""
     shared = atol is None or isinstance(atol, Share)
+    atol = atol.value if isinstance(atol, Share) else atol
     if any(map(_checks.is_traced, (rtol, atol))):
         absolute = _SHARE * rtol if atol is None else atol
         pair = (0.0, absolute) if shared else (absolute, 0.0)

@@ -224,7 +224,9 @@ def test_impacts_without_end_end_a_motion(monkeypatch):
     wheel = scenes.rimless_wheel(slope=0.0, spokes=9)
     failed, t = node("[run(model, 20)].map((s) => [s.failed, s.t])[0]", wheel)
     assert failed == "impacts without end"
-    rocks = simulate_phases(scenes.phases_of(wheel), None, wheel.y0, 20.0, samples=1)
+    rocks = simulate_phases(
+        scenes.phases_of(wheel), None, wheel.y0, 20.0, samples=1, max_phases=200
+    )
     assert t == pytest.approx(float(rocks.t), abs=1e-4)
 
 
