@@ -21,7 +21,7 @@ from jaxdyn.status import Status
 
 ROOT = Path(__file__).parents[2]
 #: One line each, which `repr` shows as well.
-PARTS = {"System", "Effect", "Symbol", "Call", "Group", "Expression", "Resonance"}
+PARTS = {"System", "Effect", "Symbol", "Call", "Group", "Expression", "Resonance", "Method"}
 
 
 def rows(text: str) -> list[tuple[str, str]]:
