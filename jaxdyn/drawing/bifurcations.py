@@ -68,11 +68,11 @@ def equilibria(
     figure = blank(6.8, 4.6)
     ax: Any = figure.add_subplot()
     draw_equilibria(ax, families, index)
-    for (kind, marker), colour in zip(EQUILIBRIUM_MARKERS.items(), PALETTE[1:], strict=False):
-        special = [x for family in families for x in family.special if x.kind == kind]
-        there = np.array([(x.parameter, x.state[index]) for x in special])
-        if len(there):
-            ax.plot(*there.T, marker, color=colour, ms=7, zorder=4, label=str(kind), ls="")
+    colours = dict(zip(EQUILIBRIUM_MARKERS, PALETTE[1:], strict=False))
+    for point in (x for family in families for x in family.special):
+        look = {"color": colours[point.kind], "ms": 7, "zorder": 4, "ls": ""}
+        place = [point.parameter], [point.state[index]]
+        ax.plot(*place, EQUILIBRIUM_MARKERS[point.kind], label=point.name, **look)
     ax.set(xlabel=parameter, ylabel=label, title=readable(title))
     style(ax)
     legend_below(figure, legend_entries(ax))
