@@ -148,7 +148,7 @@ def simulate_regularized(
       >>> float(energy.drift(simulate_regularized(fall, 100.0, rtol=1e-13))) < 1e-13
       True
     """
-    options = SolverOptions(rtol=rtol, atol=Share(_SHARE * rtol), max_steps=max_steps)
+    options = SolverOptions(rtol=rtol, max_steps=max_steps)
     _, _, run, status = run_regularized(scene, t1, t0, samples, options, throw=throw)
     return Trajectory(
         scene=scene,
@@ -188,8 +188,8 @@ def solve_regularized(
       The state at t1, the steps of both parts, and the status of the worse one.
     """
     slow = regularize(scene, t0)
-    close = Share(_SHARE * rtol)
-    run = solve(slow, s, rtol=rtol, atol=close, solver=solver, max_steps=max_steps)
+    options = _closely(SolverOptions(rtol=rtol, solver=solver, max_steps=max_steps))
+    run = solve(slow, s, **options._asdict())
     near = scene.starting(run.y1[:-2])
     end = solve(near, t1, t0=run.y1[-1], rtol=rtol, max_steps=max_steps)
     status = jnp.where(run.status == Status.OK, end.status, run.status)
@@ -209,9 +209,13 @@ def logarithmic_span(
 ) -> Array:
     """() the span of logarithmic time [J s] in which a motion comes near t1; NaN if it does not."""
     slow = regularize(scene, t0)
-    options = SolverOptions(rtol=rtol, atol=Share(_SHARE * rtol), max_steps=max_steps)
-    stop = _until(slow, t0, t1, options)
+    stop = _until(slow, t0, t1, _closely(SolverOptions(rtol=rtol, max_steps=max_steps)))
     return nan_unless(stop.event >= 0, stop.t)
+
+
+def _closely(options: SolverOptions) -> SolverOptions:
+    """The options with the absolute tolerance of motions in logarithmic time."""
+    return options._replace(atol=Share(_SHARE * options.rtol))
 
 
 def _until(slow: Scene, t0, t1, options: SolverOptions) -> Stop:
@@ -231,6 +235,7 @@ def run_regularized(scene: Scene, t1, t0, samples: int, options: SolverOptions, 
         raise _checks.fail("samples", "at least 2", samples, "They include start and end.")
     if t1 == t0:
         raise _checks.fail("t1", "a time other than t0", t1, "The span is empty.")
+    options = _closely(options)
     stop = _until(slow, t0, t1, options)
     if throw:
         raise_unless_ok(stop.status, scene)

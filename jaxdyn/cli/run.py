@@ -107,7 +107,7 @@ def run_command(
 
 def _check_arrived(motion, out: Screen) -> None:
     """Exit with a code of its own if the motion did not reach its end."""
-    if not jaxdyn.files.tables.reached_end(motion):
+    if not motion.ok:
         out.print(f"[red]stopped[/red]: {escape(in_options(motion.message, _ADVISED))}")
         raise typer.Exit(STOPPED)
 

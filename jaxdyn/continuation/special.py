@@ -34,6 +34,7 @@ _HALVINGS = 25  # most halvings of the interval between two members
 _SHARE = 0.47  # part of it to the next test: a symmetric branch point is often exactly half-way
 _OUTSIDE = 1e-4  # part of it: a solution farther beyond its ends belongs to another place
 _ROUNDING = 1e-13  # parameter entry of a tangent below which the parameter does not change
+_EQUAL = 1e-8  # relative distance of squares of eigenvalues below which they are the same
 _COLLIDES = 1e-6  # test at a Krein collision, relative to those of the members beside it
 _KNOWN = 1e-12  # units of the parameter to which a Hopf point is located
 _SAME_PLACE = 1e-6  # relative distance below which a fold and a branch point are the same
@@ -130,17 +131,29 @@ def _locate_collision(
     point = chart.locate(_discriminant, a, b, first=first)
     if point is None:
         return None
-    least = min(abs(_discriminant(x)) for x in (a, b) if x is not point)
-    if abs(_discriminant(point)) > _COLLIDES * least:
+    beside = [x for x in (a, b) if x is not point]
+    if abs(_discriminant(point)) > _COLLIDES * min(abs(_discriminant(x)) for x in beside):
         return None
-    squares = _squares(point)
-    i, j = np.triu_indices(len(squares), 1)
-    nearest = int(np.argmin(np.abs(squares[i] - squares[j])))
-    square = 0.5 * (squares[i] + squares[j])[nearest].real
+    # Pairs that symmetry makes equal everywhere differ by rounding.
+    if any(_nearest(x)[0] < _EQUAL for x in beside):
+        return None
+    square = _nearest(point)[1]
     # Two real pairs meet as well, and may become complex, but are unstable on both sides.
     if square >= 0:
         return None
     return dataclasses.replace(point, kind=Kind.KREIN, frequency=math.sqrt(-square))
+
+
+def _nearest(point: Equilibrium) -> tuple[float, float]:
+    """The relative distance of the two nearest `_squares`, and the real part of their mean."""
+    squares = _squares(point)
+    i, j = np.triu_indices(len(squares), 1)
+    if not len(i):
+        return math.inf, math.nan
+    apart = np.abs(squares[i] - squares[j])
+    nearest = int(np.argmin(apart))
+    mean = 0.5 * (squares[i] + squares[j])[nearest]
+    return float(apart[nearest] / np.abs(squares).max()), float(mean.real)
 
 
 def _squares(point: Equilibrium) -> np.ndarray:

@@ -20,7 +20,6 @@ from jaxdyn.files.input_files import MAX_BYTES, content
 from jaxdyn.files.output_files import replace, table_path
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
-from jaxdyn.status import Status
 
 
 @check_first
@@ -39,15 +38,6 @@ def columns(motion: Trajectory | HybridTrajectory) -> list[str]:
     """Name and unit of each entry of the state, e.g. "vx [m/s]"."""
     labels = pieces_of(motion)[0].scene.labels()
     return [with_unit(name, unit) for name, unit in labels]
-
-
-@check_first
-def reached_end(motion: Trajectory | HybridTrajectory) -> bool:
-    """Whether a motion reached the end of its span, or a terminal event."""
-    if isinstance(motion, HybridTrajectory):
-        done = motion.ended or motion.t >= motion.pieces[-1].scene.t1
-        return motion.status == Status.OK and bool(done)
-    return motion.ok
 
 
 @check_first

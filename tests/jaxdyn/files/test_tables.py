@@ -27,7 +27,7 @@ def test_what_was_not_reached_is_empty(tmp_path):
     lost = simulate(scenes.cannonball(speed=1e200, drag=1.0), samples=3, throw=False)
     lines = tables.write_csv(tmp_path / "lost.csv", lost).read_text().splitlines()
     assert lines[-1].endswith(",,,,")
-    assert not tables.reached_end(lost)
+    assert not lost.ok
 
 
 def test_units_are_left_out_where_there_are_none(tmp_path):
