@@ -440,6 +440,7 @@ def test_a_motion_that_stops_is_exit_code_1(jaxdyn):
     assert "not reached" in out
 
 
+@pytest.mark.slow
 def test_a_chain_of_phases_that_stops_is_exit_code_1(jaxdyn):
     code, out, _ = jaxdyn("run", "ball_on_table", "--t1", "1e3", "--samples", "2")
     assert code == 1
