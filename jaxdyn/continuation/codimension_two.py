@@ -4,11 +4,14 @@ Each kind has a test, a function of a point of the curve that changes sign there
 located along the curve. With the null vectors A v = 0, A^T w = 0, |v| = |w| = 1 of a fold, and B
 the second derivative of the rate:
 
-- Cusp: w B(v, v).
+- Cusp: w B(v, v) / (1 + |B(v, v)|).
 - Bogdanov-Takens point: w v on a curve of folds, the frequency squared on one of Hopf points.
 - Bautin point (generalised Hopf): the first Lyapunov coefficient.
 - Zero-Hopf and double Hopf point: the smallest of the eigenvalues besides the critical ones, or the
   smallest sum of two of them, with the sign of the product of all.
+
+Those that are rates are divided by 1 + |A|. A cusp and a Bogdanov-Takens point on a curve of folds
+are judged by angles between vectors, which a large eigenvalue of another direction leaves alone.
 
 Reference: Kuznetsov (2004), Elements of Applied Bifurcation Theory, 3rd edition, chapters 8 and 10.
 """
@@ -28,10 +31,9 @@ from jaxdyn.continuation.normal_forms import lyapunov_coefficients
 from jaxdyn.continuation.units import ChartInUnits, Units
 from jaxdyn.scales import Groups
 
-#: Largest test at a special point, relative to 1 + the norm of the Jacobian. At a pole, where a
-#: test changes sign as well, it is large.
+#: Largest test at a special point. At a pole, where a test changes sign as well, it is large.
 GOAL = 1e-10
-_NOTHING = 1e-13  # likewise: below it a test vanishes all along, as in conservative scenes
+_NOTHING = 1e-13  # below it a test vanishes all along, as in conservative scenes
 _SHORT = 0.98  # part of the way to a Bogdanov-Takens point, beyond which there are no Hopf points
 
 Tests = dict[CodimensionTwo, float]
@@ -60,13 +62,12 @@ def point_at(
     if curve == Kind.FOLD:
         w = np.linalg.svd(a)[0][:, -1]
         w = w if left is None or w @ left >= 0 else -w
-        tests, coefficient = _fold_tests(held, unknowns, values, w)
+        tests, coefficient = _fold_tests(held, unknowns, values, a, w)
         frequency = math.nan
     else:
         w = np.full(len(a), np.nan)
         tests, coefficient = _hopf_tests(held, unknowns, values, a)
         frequency = math.sqrt(max(unknowns[-1], 0.0))
-    scale = 1.0 + np.linalg.norm(a, 2)
     return CurvePoint(
         curve=curve,
         state=x[:-2],
@@ -78,21 +79,22 @@ def point_at(
         unknowns=unknowns,
         tangent=tangent,
         left=w,
-        tests={kind: 0.0 if abs(t) <= _NOTHING * scale else t for kind, t in tests.items()},
+        tests={kind: 0.0 if abs(t) <= _NOTHING else t for kind, t in tests.items()},
     )
 
 
-def _fold_tests(make: WithSecond, unknowns, values, w: np.ndarray) -> tuple[Tests, float]:
+def _fold_tests(make: WithSecond, unknowns, values, a, w: np.ndarray) -> tuple[Tests, float]:
     k = len(w)
     v = unknowns[k + 2 :] / np.linalg.norm(unknowns[k + 2 :])
     flat = np.append(v, 0.0)
-    turning = float(w @ normal_forms.second(make, unknowns[: k + 1], flat, flat))
+    curvature = normal_forms.second(make, unknowns[: k + 1], flat, flat)
+    turning = float(w @ curvature)
     double = float(w @ v)
     rest = np.delete(values.values, np.argmin(np.abs(values.values)))
     tests = {
-        CodimensionTwo.CUSP: turning,
+        CodimensionTwo.CUSP: turning / (1.0 + float(np.linalg.norm(curvature))),
         CodimensionTwo.BOGDANOV_TAKENS: double,
-        CodimensionTwo.ZERO_HOPF: signed_least_sum(rest, np.zeros(len(rest))),
+        CodimensionTwo.ZERO_HOPF: signed_least_sum(rest, np.zeros(len(rest))) / _scale(a),
     }
     return tests, turning / (2 * double) if abs(double) > GOAL else math.nan
 
@@ -108,12 +110,16 @@ def _hopf_tests(make: WithSecond, unknowns, values, a: np.ndarray) -> tuple[Test
         each = np.asarray(make.make.each)
         first = normal_forms.first_lyapunov(make, unknowns[: k + 1], a, frequency.real, each)
     tests = {
-        CodimensionTwo.BOGDANOV_TAKENS: square,
-        CodimensionTwo.BAUTIN: first,
-        CodimensionTwo.ZERO_HOPF: signed_least(rest, np.zeros(len(rest))),
-        CodimensionTwo.DOUBLE_HOPF: signed_least_sum(rest, np.zeros(len(rest))),
+        CodimensionTwo.BOGDANOV_TAKENS: square / _scale(a),
+        CodimensionTwo.BAUTIN: first / _scale(a),
+        CodimensionTwo.ZERO_HOPF: signed_least(rest, np.zeros(len(rest))) / _scale(a),
+        CodimensionTwo.DOUBLE_HOPF: signed_least_sum(rest, np.zeros(len(rest))) / _scale(a),
     }
     return tests, first
+
+
+def _scale(a: np.ndarray) -> float:
+    return 1.0 + float(np.linalg.norm(a, 2))
 
 
 class CurveChart(ChartInUnits[CurvePoint]):
@@ -163,7 +169,7 @@ def special_points(
 def _holds(point: CurvePoint, kind: CodimensionTwo) -> bool:
     values, bars = point.eigenvalues
     size = 1.0 + np.abs(values).max()
-    if abs(point.tests[kind]) > GOAL * size:
+    if abs(point.tests[kind]) > GOAL:
         return False
     if kind == CodimensionTwo.DOUBLE_HOPF or (
         kind == CodimensionTwo.ZERO_HOPF and point.curve == Kind.FOLD

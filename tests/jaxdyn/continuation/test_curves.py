@@ -41,8 +41,32 @@ def _imperfect_fold():
     ).special[0]
 
 
+def _fold_beside_a_fast_direction(p, q):
+    """x' = p - x^2 folds at p = 0 for every q; z follows x at the rate e^q."""
+
+    def rate(t, y, c):
+        return [c[0] - y[0] ** 2, jnp.exp(c[1]) * (y[0] - y[1])]
+
+    return jaxdyn.ode(rate, [0.0, 0.0], params=[p, q])
+
+
 def _pairs(curve):
     return [(str(x.kind), *np.round(x.parameters, 9) + 0.0) for x in curve.special]
+
+
+def test_a_large_eigenvalue_of_another_direction_makes_no_special_point():
+    family = jaxdyn.continue_equilibria(
+        lambda p: _fold_beside_a_fast_direction(p, 0.0), 1.0, [1.0, 1.0], down=True, within=(-1, 2)
+    )
+    curve = jaxdyn.continue_curve(
+        _fold_beside_a_fast_direction,
+        family.special[0],
+        (0.0, 0.0),
+        within=((-1, 1), (-1, 60)),
+        step=0.5,
+    )
+    np.testing.assert_allclose(curve.parameters[-1], [0.0, 60.0], atol=1e-12)
+    assert not curve.special
 
 
 def test_cusp_of_the_imperfect_pitchfork():
