@@ -44,6 +44,9 @@ class WithSecond(eqx.Module):
         return self.make(first, self.second)
 
 
+_ROUNDING = 1e-12  # printed parameters below this part of the largest of the curve are 0
+
+
 @dataclasses.dataclass(frozen=True)
 class CurvePoint:
     """A fold or a Hopf point of a curve in two parameters.
@@ -132,8 +135,10 @@ class ParameterCurve(abc.ABC, Generic[Point]):
 
     @_text.never_raising
     def __repr__(self) -> str:
-        special = [f"{x.kind} at {_text.brief(x.parameters)}" for x in self.special]
-        ranges = zip(self.names, self.parameters.T, strict=True)
+        # What is nothing beside the rest of the curve is 0 up to rounding.
+        sizes = _ROUNDING * np.abs(self.parameters).max(axis=0)
+        special = [f"{x.kind} at {_text.brief(_chop(x.parameters, sizes))}" for x in self.special]
+        ranges = zip(self.names, _chop(self.parameters, sizes).T, strict=True)
         rows = [
             *((name, _text.extent(values)) for name, values in ranges),
             *self._more(),
@@ -174,6 +179,11 @@ class ParameterCurve(abc.ABC, Generic[Point]):
     def parameters(self) -> np.ndarray:
         """(n, 2) parameters of the members."""
         return np.array([member.parameters for member in self.members])
+
+
+def _chop(x: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Numbers with 0 for those that are smaller than `sizes`."""
+    return np.where(np.abs(x) < sizes, 0.0, x)
 
 
 @dataclasses.dataclass(frozen=True, repr=False)

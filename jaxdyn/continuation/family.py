@@ -14,7 +14,9 @@ from jaxdyn._labelled import Labelled, Values, entries
 from jaxdyn.analysis.eigenvalues import Eigenvalues, is_centre, rate_eigenvalues, rate_verdict
 from jaxdyn.analysis.energy_extremum import is_extremum_of_energy
 from jaxdyn.continuation.defining import Make, slope_at
-from jaxdyn.continuation.kinds import Kind
+from jaxdyn.continuation.kinds import CodimensionTwo, Kind
+
+_ZERO = 1e-6  # part of the frequency below which another eigenvalue of a Hopf point is 0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,7 +35,8 @@ class Equilibrium:
       kind: kind of special point, if it is one.
       coefficient: at a fold the quadratic coefficient (0 at a cusp), at a Hopf point the first
         Lyapunov coefficient (0 at a Bautin point); at a branch point the quadratic coefficient,
-        which is 0 at a pitchfork; NaN elsewhere.
+        which is 0 at a pitchfork; NaN elsewhere, and at a zero-Hopf point, where the Lyapunov
+        coefficient has a pole.
       cubic: the cubic coefficient at a fold and at a branch point; NaN elsewhere. Both are those of
         z' = a z^2 + c z^3, or if `is_double` of z'' = a z^2 + c z^3.
       frequency: frequency of the small oscillations at a Hopf point [rad per time]; NaN elsewhere.
@@ -83,8 +86,17 @@ class Equilibrium:
         return self.kind == Kind.BRANCH and self.coefficient == 0
 
     @property
+    def is_zero_hopf(self) -> bool:
+        """Whether it is a Hopf point at which another eigenvalue is 0, so that a fold is there."""
+        if self.kind != Kind.HOPF:
+            return False
+        return bool(np.abs(self.eigenvalues.values).min() <= _ZERO * self.frequency)
+
+    @property
     def name(self) -> str:
         """What it is, as "supercritical Hopf point" or "fold"; "equilibrium" if not special."""
+        if self.is_zero_hopf:
+            return str(CodimensionTwo.ZERO_HOPF)
         kind = "pitchfork" if self._is_pitchfork else self.kind or "equilibrium"
         return " ".join(filter(None, (self.criticality, kind)))
 

@@ -233,8 +233,11 @@ def _with_coefficients(
         point = dataclasses.replace(point, tangent=before.tangent)
     if kind == Kind.HOPF:
         frequency = float(abs(solution.x[-1]))
+        point = dataclasses.replace(point, kind=kind, frequency=frequency)
+        if point.is_zero_hopf:
+            return point
         first = _first_lyapunov(make, x, point.jacobian, frequency)
-        return dataclasses.replace(point, kind=kind, coefficient=first, frequency=frequency)
+        return dataclasses.replace(point, coefficient=first)
     form = null_form(make, x, point.jacobian, np.asarray(make.each))
     found = dict(zip(("coefficient", "cubic", "is_double"), form, strict=True))
     return dataclasses.replace(point, kind=kind, **found)

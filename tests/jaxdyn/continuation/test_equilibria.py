@@ -216,6 +216,27 @@ def _square(p):
     return jaxdyn.ode(lambda t, y, p: p - y**2, [0.0], 1.0, params=p)
 
 
+def test_roesslers_fold_is_a_zero_hopf_point_where_a_is_b():
+    """At c = 2 a the equilibria meet, and the other eigenvalues are +-i sqrt(2 - a^2)."""
+    a = 0.2
+
+    def rate(t, y, c):
+        return [-y[1] - y[2], y[0] + a * y[1], a + y[2] * (y[0] - c)]
+
+    family = jaxdyn.continue_equilibria(
+        lambda c: jaxdyn.ode(rate, [0.0, 0.0, 0.0], params=c),
+        2.0,
+        [0.02, -0.1, 0.1],
+        down=True,
+        within=(0, 3),
+    )
+    fold, hopf = sorted(family.special, key=lambda point: point.kind != Kind.FOLD)
+    assert (fold.name, hopf.name) == ("fold", "zero-Hopf point")
+    np.testing.assert_allclose([fold.parameter, hopf.parameter], 2 * a, rtol=1e-12)
+    np.testing.assert_allclose(hopf.frequency, math.sqrt(2 - a**2), rtol=1e-12)
+    assert math.isnan(hopf.coefficient)  # it has a pole there
+
+
 def test_pendulum_under_torque_folds_at_the_weight():
     # A second-order scene at rest: sin(theta) = p folds at 1, theta = pi / 2.
     def rate(t, y, p):

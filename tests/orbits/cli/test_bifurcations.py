@@ -64,6 +64,29 @@ def test_a_run_is_kept_shown_and_resumed(curve, command, tmp_path):
     assert "--save: expected a file of this run, got one with other parameters" in error
 
 
+PITCHFORK = """
+import jaxdyn
+
+def rate(t, y, c):
+    return [c["p"] + c["q"] * y[0] - y[0] ** 3]
+
+def pitchfork(p=-0.8, q=1.0):
+    return jaxdyn.ode(rate, [-1.3], params={"p": p, "q": q})
+"""
+
+
+def test_a_curve_through_two_special_points_is_followed_once(command, tmp_path):
+    """The folds lie on 27 p^2 = 4 q^3, which passes its cusp at 0."""
+    file = tmp_path / "scenes.py"
+    file.write_text(PITCHFORK)
+    bounds = ("--within", "-1,1", "--within2", "-1,2", "--parameters", "p,q")
+    code, out, _ = command("orbits", "curve", f"{file}:pitchfork", *bounds)
+    assert code == 0
+    assert out.count("Curve of") == 2  # in both directions
+    assert "the fold at -0.3849 lies on a curve above" in out
+    assert "cusp at (0, 0)" in out
+
+
 #: Effective length and gravity in Mathieu's equation for the upright pendulum.
 LENGTH, GRAVITY = 2 / 3, 9.81
 
