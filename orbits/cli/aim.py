@@ -25,7 +25,11 @@ def aim_command(
     title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """The launch angle of the longest throw; with --x, those that hit, and the lowest speed."""
+    """The launch angle of the longest throw; with --x, those that hit, and the lowest speed.
+
+    Throws land at launch height. For those from a height, see the example of
+    `help(orbits.targets.aim.farthest)`.
+    """
     check_title(title, plot)
     with screen("looking for the angle of the longest throw", as_object) as out:
         scene = jaxdyn.scenes.cannonball(m=mass, g=g)

@@ -292,13 +292,26 @@ def farthest(scene: Scene, speed) -> Throws:
       ValueError: see `hit`.
     Limits: see `hit`. The angle of a maximum so flat that rounding hides it is accurate to 1e-8.
       Speeds from 1e150 on, whose squares overflow, are `LOST`; with quadratic drag, speeds from
-      1e75 on.
+      1e75 on. Throws land at launch height: for a launch from a height, solve for the angle at
+      which the derivative of the distance is 0, as below.
     Example:
       >>> from jaxdyn import scenes
       >>> from orbits.targets import aim
       >>> best = aim.farthest(scenes.cannonball(drag=0.01), [1e-2, 1e2, 1e4])
       >>> np.round(np.degrees(best.angle), 3)
       array([45.   , 32.554, 14.994])
+      >>> import jax, jaxdyn
+      >>> from jaxdyn.integrate.events import Reaches
+      >>> def distance(angle):  # from a cliff of 20 m; without drag the sine is v / |v at the end|
+      ...     ball = scenes.cannonball(speed=15.0, angle=angle)
+      ...     return jaxdyn.until(ball, Reaches(1, -20.0), 9.0).y[0]
+      >>> slope = jax.jit(jax.grad(distance))
+      >>> last, angle = 0.7, 0.6
+      >>> for _ in range(5):  # the secant method
+      ...     change = slope(angle) - slope(last)
+      ...     last, angle = angle, angle - slope(angle) * (angle - last) / change
+      >>> round(float(np.degrees(angle)), 9)
+      31.118608127
     """
     scene = check_throw(scene, speed=speed)
     speeds = positive("speed", speed, "It is a speed; the angle gives the direction.")
