@@ -88,10 +88,10 @@ def describe(*scenes: Scene) -> str:
 
 
 class _Part(NamedTuple):
-    """A system or an effect: its name, and its numbers as text."""
+    """A system or an effect: its name, and its numbers."""
 
     words: str
-    numbers: dict[str, str]
+    numbers: dict[str, np.ndarray]
 
 
 def _parts(scene: Scene) -> list[_Part]:
@@ -124,14 +124,14 @@ def _with_numbers(words: str, parts: Sequence[_Part]) -> str:
     """The words with the numbers that are the same in all parts."""
     first, *others = parts
     shared = [
-        f"{name} = {x}"
+        f"{name} = {_text_of(x)}"
         for name, x in first.numbers.items()
-        if all(part.numbers.get(name) == x for part in others)
+        if all(name in part.numbers and np.array_equal(part.numbers[name], x) for part in others)
     ]
     return f"{words} ({', '.join(shared)})" if shared else words
 
 
-def _numbers(part: eqx.Module | dict) -> dict[str, str]:
+def _numbers(part: eqx.Module | dict) -> dict[str, np.ndarray]:
     """The numbers of a part and of its fields, by name.
 
     Long arrays are omitted, units of the equations, and numbers that are 0 by default: a phase, an
@@ -149,11 +149,11 @@ def _numbers(part: eqx.Module | dict) -> dict[str, str]:
         if isinstance(x, MaterialPoints):
             found |= _inertia(x)
         elif name in entries and eqx.is_array(x) and x.size <= _MOST:
-            found |= dict(zip(entries[name], map(_text_of, np.ravel(x)), strict=True))
+            found |= dict(zip(entries[name], np.ravel(x), strict=True))
         elif isinstance(x, eqx.Module | dict):
             found |= _numbers(x)
         elif eqx.is_array(x) and x.size <= _MOST:
-            found[name] = _text_of(x)
+            found[name] = np.asarray(x)
     return found
 
 
@@ -162,16 +162,16 @@ def _is_zero(x: Any) -> bool:
     return bool(numeric and np.size(x) and not np.any(x))
 
 
-def _inertia(matter: MaterialPoints) -> dict[str, str]:
+def _inertia(matter: MaterialPoints) -> dict[str, np.ndarray]:
     """Mass, principal moments about the centre of mass, and that centre if it is not at 0."""
     centred = about_centre(matter)
     centre = np.asarray(matter.r - centred.r)[0]
     found = {
-        "m": _text_of(np.sum(matter.m)),
-        "moments": _text_of(np.linalg.eigvalsh(inertia_matrix(centred))),
+        "m": np.sum(matter.m),
+        "moments": np.linalg.eigvalsh(inertia_matrix(centred)),
     }
     away = np.abs(centre).max() > _AT_ORIGIN * np.abs(matter.r).max()
-    return found | ({"centre": _text_of(centre)} if away else {})
+    return found | ({"centre": centre} if away else {})
 
 
 def _text_of(x) -> str:

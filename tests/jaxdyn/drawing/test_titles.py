@@ -41,6 +41,8 @@ def test_a_title_of_several_scenes_has_what_they_share():
     assert both.startswith("shaken_pendulum (m = 1, l = 1, amplitude = 0.1), uniform")
     other = describe(scenes.pendulum(), scenes.double_pendulum(g=1.0), scenes.pendulum(m=2.0))
     assert other == "pendulum and double_pendulum, uniform gravity"
+    near = describe(scenes.pendulum(length=2.0), scenes.pendulum(length=2.00001))
+    assert near == "pendulum (m = 1), uniform gravity (g = 9.81)"
 
 
 def test_a_name_is_no_formula():
