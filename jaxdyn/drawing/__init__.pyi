@@ -10,6 +10,7 @@ from .charts import chaos_map as chaos_map
 from .charts import stability_chart as stability_chart
 from .contents import Paths as Paths
 from .contents import paths as paths
+from .eigenvalues import eigenvalues as eigenvalues
 from .free_bodies import free_body as free_body
 from .responses import bode as bode
 from .series import time_series as time_series

@@ -104,7 +104,7 @@ def bifurcation_curves(curves: Sequence, path=None, *, title: str | None = None)
     kinds = list(dict.fromkeys(curve.kind for curve in curves))
     for curve in curves:
         colour = PALETTE[kinds.index(curve.kind) % len(PALETTE)]
-        pairs = itertools.pairwise(_with_special(curve))
+        pairs = itertools.pairwise(curve.points)
         found = runs((_criticality(*pair), *pair) for pair in pairs)
         lines = smooth(ax, [[x.parameters for x in points] for _, points in found])
         for (which, _), line in zip(found, lines, strict=True):
@@ -258,12 +258,12 @@ def _between(at: np.ndarray, special: Sequence, place: Callable) -> list[list]:
     return [[x for _, x in sorted(several, key=lambda pair: pair[0])] for several in found]
 
 
-def _with_special(curve) -> list:
-    """The points of a curve with its special points in their places."""
-    at = in_extents(curve.points, lambda x: x.parameters)
-    between = _between(np.array([at(x) for x in curve.points]), curve.special, at)
-    first = [x for one, cuts in zip(curve.points, between, strict=False) for x in (one, *cuts)]
-    return [*first, *curve.points[len(between) :]]
+def with_special(points: Sequence, special: Sequence, place: Callable[[Any], Any]) -> list:
+    """Points along a line with its special points in their places."""
+    at = in_extents(points, place)
+    between = _between(np.array([at(x) for x in points]), special, at)
+    first = [x for one, cuts in zip(points, between, strict=False) for x in (one, *cuts)]
+    return [*first, points[-1]]
 
 
 def _criticality(one, two) -> str:
