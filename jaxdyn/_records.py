@@ -481,7 +481,8 @@ def _places(functions: list[Callable], attributes: frozenset[str]) -> tuple[_Pla
         if inside.__defaults__ or inside.__kwdefaults__:
             return None
         if function is not inside:
-            if not _by_identity((function,)):
+            # A wrapper, such as that of `jax.grad`, has variables of its own.
+            if not isinstance(function, types.MethodType) or not _by_identity((function,)):
                 return None
             for cls in function.__self__.__mro__:
                 own = () if of_library(cls.__module__) else vars(cls).keys() & attributes

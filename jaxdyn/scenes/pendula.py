@@ -270,11 +270,10 @@ def cart_pendulum(
 
 def _dampers(damping, n: int, formulation: str, relative=False) -> tuple[Effect, ...]:
     """The dampers in the hinges of n bars in a row, without those that are exactly 0."""
-    damping = as_float(damping)
-    shape = (n,) if damping.ndim else ()
-    _checks.check_shape("damping", damping.shape, shape, "One number for all hinges, or for each.")
-    # Entries of an array on the device would take time.
-    each = damping if _checks.is_traced(damping) else np.asarray(damping)
+    # Numbers that are known remain so in a traced function, where an array of JAX would be traced.
+    each = as_float(damping) if _checks.is_traced(damping) else np.asarray(damping, float)
+    shape = (n,) if each.ndim else ()
+    _checks.check_shape("damping", each.shape, shape, "One number for all hinges, or for each.")
     dampers: tuple[Effect, ...] = ()
     for i, c in enumerate([*each] if each.ndim else [each] * n):
         dampers += unless_zero(c, HingeDamper(c, i=i, j=i - 1 if i and not relative else None))

@@ -154,6 +154,20 @@ def test_a_number_is_remembered_wherever_it_is_kept(place):
     assert captures("rate", function) != before
 
 
+def test_a_number_of_a_function_that_is_differentiated_is_remembered(monkeypatch):
+    def height(x):
+        return STIFFNESS * x**2
+
+    slope = jax.grad(height)
+
+    def rate(t, y):
+        return [y[1], -slope(y[0])]
+
+    before = captures("rate", rate)
+    monkeypatch.setitem(globals(), "STIFFNESS", 5.0)
+    assert captures("rate", rate) != before
+
+
 def test_a_number_of_a_function_that_is_called_is_remembered(monkeypatch):
     def rate(t, y):
         return [y[1], _law(y[0])]

@@ -158,6 +158,16 @@ def test_dampers_in_hinges_take_the_power_of_the_rates_between_bars(make):
     assert make(damping=0.0).effects == make().effects
 
 
+def test_a_compiled_function_adds_no_damper_of_0():
+    def effects(length, formulation):
+        scene = pendula.pendulum(length=length, formulation=formulation)
+        return jnp.asarray(len(scene.effects))
+
+    for formulation in ("newton_euler", "constrained"):
+        alone = len(pendula.pendulum(formulation=formulation).effects)
+        assert jax.jit(lambda x, f=formulation: effects(x, f))(1.2) == alone
+
+
 def test_damping_of_a_row_is_one_number_or_one_for_each_hinge():
     with pytest.raises(ValueError, match=r"damping: expected shape \(2,\), .* One number for all"):
         pendula.double_pendulum(damping=(0.1, 0.1, 0.1))
