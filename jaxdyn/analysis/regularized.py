@@ -215,7 +215,9 @@ def logarithmic_span(
 
 def _closely(options: SolverOptions) -> SolverOptions:
     """The options with the absolute tolerance of motions in logarithmic time."""
-    return options._replace(atol=Share(_SHARE * options.rtol))
+    # Below a rounding of the sizes it would only lead to more steps, each of which is rounded.
+    share = jnp.maximum(_SHARE * options.rtol, jnp.finfo(float).eps)
+    return options._replace(atol=Share(share))
 
 
 def _until(slow: Scene, t0, t1, options: SolverOptions) -> Stop:

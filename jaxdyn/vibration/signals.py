@@ -1,6 +1,7 @@
 """Signals, which inputs follow: a sine, a step, a pulse, a sweep, a table of measured values."""
 
 import abc
+import dataclasses
 import functools
 from collections.abc import Callable
 from typing import Any, ClassVar
@@ -29,7 +30,11 @@ class Signal(Record):
         """() the value at time t ()."""
 
     def check(self) -> None:
-        """Raise ValueError if a number is invalid."""
+        """Raise ValueError if a number is invalid; traced numbers pass."""
+
+    def or_nan(self) -> "Signal":
+        """The signal, which is NaN where traced numbers are invalid."""
+        return self
 
 
 class Harmonic(Signal):
@@ -144,7 +149,7 @@ class Table(Signal):
     accurate as for a smooth signal.
 
     Attributes:
-      ts: (n,) times [s], increasing.
+      ts: (n,) times [s], increasing; where they are traced and do not, the motion is NaN.
       values: (n,) values of the signal.
     """
 
@@ -160,9 +165,15 @@ class Table(Signal):
         if not _checks.is_traced(ts) and not (len(ts) and (np.diff(np.asarray(ts)) > 0).all()):
             raise _checks.fail("Table.ts", "increasing times", "others", "Sort the table by time.")
 
+    def or_nan(self):
+        if not _checks.is_traced(self.ts):
+            return self
+        increase = (jnp.diff(self.ts) > 0).all()
+        return dataclasses.replace(self, values=jnp.where(increase, self.values, jnp.nan))
+
 
 def check_signal(given: Signal) -> Signal:
-    """The signal, if it is one.
+    """The signal, if it is one; NaN if it is traced, and its numbers are invalid.
 
     Raises:
       ValueError: it is not a signal, or one of its numbers is invalid.
@@ -171,4 +182,4 @@ def check_signal(given: Signal) -> Signal:
         remedy = "Such as vibration.Harmonic, vibration.Step, vibration.Table."
         raise _checks.fail("signal", "a signal", repr(given), remedy)
     given.check()
-    return given
+    return given.or_nan()

@@ -36,10 +36,12 @@ def finer(
 ) -> Equations:
     """The equations in more segments, since close encounters inside one amplify rounding.
 
-    The guess is cut as long as the orbit is near it, else the orbit.
+    An orbit that closes is cut, also far from its guess; what does not close yet may be no motion
+    of use, so that the guess is cut as long as the two are near.
     """
     left = cuts.s_period is not None and _other_motion(orbit.s_period, cuts.s_period)
-    here, rtol = np.append(orbit.y0, orbit.period) if left else guess, effort.rtol
+    known = np.append(orbit.y0, orbit.period)
+    here, rtol = known if orbit.ok or left else guess, effort.rtol
     x = equations.spread(here[:-1], here[-1], rtol, orbit.angle)
     needed = segments_needed(equations, x, rtol, effort.limits())
     finer = with_segments(equations, x, rtol, needed)

@@ -202,3 +202,16 @@ def test_a_step_moves_a_base_without_a_damper():
 def test_misuse_is_refused_with_what_to_do(call, said):
     with pytest.raises(ValueError, match=said):
         call()
+
+
+def test_a_traced_table_whose_times_do_not_increase_gives_nan():
+    def end(times):
+        table = vibration.Table(times, jnp.array([0.0, 1.0, 0.0]))
+        driven = vibration.drive(scenes.pendulum(), vibration.Base([1.0, 0.0]), table)
+        return jaxdyn.solve(driven, 2.0).y1
+
+    right = jnp.array([0.0, 0.4, 0.8])
+    assert (jax.jit(end)(right) == end(right)).all()
+    assert jnp.isnan(jax.jit(end)(right[jnp.array([0, 2, 1])])).all()
+    with pytest.raises(ValueError, match="increasing times"):
+        end(right[jnp.array([0, 2, 1])])
