@@ -6,10 +6,10 @@ starts.
 
 Pictures: `space` and `sides` (paths), `series` (over time), `accuracy`, `charts` (stability,
 chaos), `bifurcations`, `eigenvalues`, `fits`, `responses` (Bode plots), `animation`, `free_bodies`
-(forces on each body). Their parts: `contents` (what a picture of a motion shows), `figures` (the look of all
-pictures), `panels` (axes for motions), `solid` (axes in space), `curves`, `strokes`, `artists`,
-`titles`. Only the command lines and `orbits.drawing` import this folder, since Matplotlib is slow
-to load; ``import jaxdyn.drawing`` does not load it.
+(forces on each body). Their parts: `contents` (what a picture of a motion shows), `figures` (the
+look of all pictures), `panels` (axes for motions), `solid` (axes in space), `curves`, `strokes`,
+`artists`, `titles`. Only the command lines and `orbits.drawing` import this folder, since
+Matplotlib is slow to load; ``import jaxdyn.drawing`` does not load it.
 
 May import: `files`, `scenes`, `chaos`, `continuation`, `fitting`, `vibration`.
 

@@ -78,10 +78,12 @@ class DryFriction(Effect):
     line. There a point sticks as long as the other forces do not exceed mu N, and slides again when
     they do; several points may stick at the same time.
 
-    Limits: in the plane and in space, the force has no direction where u is 0, and is zero there:
-    end the motion by an event at a small speed and continue with a phase of rest. A creep [m/s] > 0
-    regularises the law: it is smooth, accurate to (creep / u)^2 / 2 for speeds well above it, and
-    viscous below it, so that nothing sticks. A creep that is traced and 0 does not stick either.
+    Limits: friction at rest is no larger than in motion; for a larger one, write sticking and
+    sliding as phases (`jaxdyn.integrate.phases.simulate_phases`). In the plane and in space,
+    the force has no direction where u is 0, and is zero there: end the motion by an event at a
+    small speed and continue with a phase of rest. A creep [m/s] > 0 regularises the law: it is
+    smooth, accurate to (creep / u)^2 / 2 for speeds well above it, and viscous below it, so
+    that nothing sticks. A creep that is traced and 0 does not stick either.
 
     Attributes:
       mu: () coefficient of friction [1].

@@ -66,6 +66,21 @@ def simulate_phases(
     Raises:
       ValueError: a phase name is unknown, y0 fits no phase or is beyond a bound from which no exit
         leads back, `t1` is not after `t0`, or `max_phases` is less than 1.
+    Example:
+      A block on a belt of speed 0.2, held by a spring. Friction holds it up to a force of 0.5, and
+      is 0.3 while it slides.
+      >>> import jaxdyn
+      >>> from jaxdyn.integrate.events import When
+      >>> slide = jaxdyn.ode(lambda t, y: [y[1], 0.3 - y[0]], [0.0, 0.0])
+      >>> stick = jaxdyn.ode(lambda t, y: [0.2, 0.0], [0.0, 0.2])
+      >>> slips, stops = When(lambda t, y: y[0] - 0.5), When(lambda t, y: y[1] - 0.2, direction=1)
+      >>> phases = {
+      ...     "stick": Phase(stick, (Exit(slips, "slide", lambda t, y: y),)),
+      ...     "slide": Phase(slide, (Exit(stops, "stick", lambda t, y: y),)),
+      ... }
+      >>> motion = simulate_phases(phases, "stick", [0.3, 0.2], 9.0)
+      >>> motion.names, round(motion.times[2] - motion.times[0], 9)
+      (('stick', 'slide', 'stick', 'slide'), 6.71238898)
     """
     _check_names(phases)
     remedy = "Phases are chosen on the host; `follow` goes through a known sequence of them."

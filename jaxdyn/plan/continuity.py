@@ -13,7 +13,7 @@ What these rules do not show is taken for a jump, which costs time in compiling 
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -68,19 +68,46 @@ class _Term:
     params: str = ""
 
 
-def continuous_comparisons(program: Any) -> frozenset[int]:
-    """The ids of the comparisons of a program at which all of its results are continuous.
+class Continuity(NamedTuple):
+    """What is known of a program where the outcomes of its comparisons change.
+
+    Attributes:
+      comparisons: ids of the comparisons at which all of its results are continuous.
+      distinguishes: whether ``==`` asks for a surface at which they jump, as in a law of friction
+        that is larger at rest.
+    """
+
+    comparisons: frozenset[int] = frozenset()
+    distinguishes: bool = False
+
+
+def continuity(program: Any) -> Continuity:
+    """Where the results of a program are continuous, as far as it is proved.
 
     Args:
       program: closed program of a rate, whose last two arguments are the time and the state.
     """
     graph = _Graph(program)
-    return frozenset(
-        eqn
-        for comparison, eqns in graph.comparisons.items()
-        if graph.is_continuous_at(comparison)
-        for eqn in eqns
+    continuous = {x: eqns for x, eqns in graph.comparisons.items() if graph.is_continuous_at(x)}
+    jumps = [x for x in graph.live if x.op == "sign" or (x.op in _ORDERS and x not in continuous)]
+    equal = [_difference(x) for x in graph.live if x.op in ("eq", "ne") and x.moves]
+    return Continuity(
+        frozenset().union(*continuous.values()),
+        any(_is_same_surface(_difference(x), y) for x in jumps for y in equal),
     )
+
+
+def _difference(term: "_Term") -> tuple["_Term", "_Term"]:
+    """The values that are equal on the surface of a comparison or of a sign."""
+    sides = term.args if len(term.args) == 2 else (term.args[0], _ZERO)
+    for x, zero in (sides, sides[::-1]):
+        if zero.number == 0 and x.op == "sub":
+            return x.args[0], x.args[1]
+    return sides[0], sides[1]
+
+
+def _is_same_surface(a: tuple["_Term", "_Term"], b: tuple["_Term", "_Term"]) -> bool:
+    return any(_same(a[0], x) and _same(a[1], y) for x, y in (b, b[::-1]))
 
 
 class _Graph:
@@ -97,13 +124,14 @@ class _Graph:
         ]
         self.results = interpret(program, inputs, self._apply, self._number)
         self.users: dict[_Term, list[_Term]] = {}
-        met: set[_Term] = set()
+        #: The values on which the results depend.
+        self.live: set[_Term] = set()
         left = list(self.results)
         while left:
             term = left.pop()
-            if term in met:
+            if term in self.live:
                 continue
-            met.add(term)
+            self.live.add(term)
             for x in term.args:
                 self.users.setdefault(x, []).append(term)
                 left.append(x)

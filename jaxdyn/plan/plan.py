@@ -15,7 +15,7 @@ from jaxtyping import Array, PyTree
 
 from jaxdyn.intervals import Interval
 from jaxdyn.plan.bounds import as_interval, enclose_program
-from jaxdyn.plan.continuity import continuous_comparisons
+from jaxdyn.plan.continuity import Continuity, continuity
 from jaxdyn.plan.evaluation import OF_TIME, BranchEvaluation, Condition, Conditions, may_switch
 from jaxdyn.plan.period import period_of
 
@@ -32,6 +32,7 @@ class Plan:
       conditions: the conditions, in the order in which the program meets them.
       of_time: (e,) for each entry of a branch, whether it depends on time alone.
       bends: (e,) likewise whether the rate is continuous where it changes.
+      distinguishes: whether ``==`` asks for a surface at which the rate jumps.
       unread: names of operations that may hide conditions.
       bounded: whether all operations on time alone have bounds.
       partial: whether a condition decides if a function that is not defined for all states, such as
@@ -45,8 +46,9 @@ class Plan:
         self._program, self._leaves, self._tree, self._state = program, leaves, tree, y
         self._time = jax.ShapeDtypeStruct((), y.dtype)
         self._waves = waves
-        continuous = continuous_comparisons(program) if may_switch(program) else frozenset()
-        whole = BranchEvaluation(None, continuous=continuous)
+        known = continuity(program) if may_switch(program) else Continuity()
+        self.distinguishes = known.distinguishes
+        whole = BranchEvaluation(None, continuous=known.comparisons)
         deep = BranchEvaluation(None, every_call=True)
         part = BranchEvaluation(None, time_only=True, waves=waves)
         found = []
@@ -104,14 +106,19 @@ class Plan:
 
     @property
     def doubt(self) -> str:
-        """What a step may pass over unseen, and the remedy; empty if everything can be read."""
-        if not self.unread:
-            return ""
-        return (
+        """What a motion may pass over unseen, and the remedy; empty if everything can be read."""
+        unread = (
             f"The rate contains what cannot be read ({', '.join(sorted(self.unread))}): a pulse or "
             "a switch in it may have been passed over. Pass max_step=, a time that resolves it, or "
             "breaks=, the times at which it changes."
         )
+        equal = (
+            "The rate has a value of its own (`==`) on a surface at which it jumps, as a law of "
+            "friction that is larger at rest has. A motion that slides there is on the surface up "
+            "to rounding only, and may not have that value. Write sticking and sliding as phases, "
+            "see jaxdyn.integrate.phases.simulate_phases."
+        )
+        return " ".join(filter(None, (unread * bool(self.unread), equal * self.distinguishes)))
 
     def period(self, system: PyTree) -> float | None:
         """The period of the rate in time; None where it has none that can be read."""

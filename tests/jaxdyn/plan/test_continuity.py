@@ -152,3 +152,26 @@ def test_slope_of_a_period_with_two_stiffnesses():
     np.testing.assert_allclose(end(k), [1.0, 0.0], atol=1e-11)
     slope = -k * np.pi / (2 * k**1.5)  # the force -k times minus the change of the period
     np.testing.assert_allclose(jax.jacfwd(end)(k), [0.0, slope], atol=1e-10)
+
+
+AT_REST = {
+    "where v == 0": lambda e: jnp.where(e.v == 0, 5.0, 3.0) * jnp.sign(e.v),
+    "where v - k == 0": lambda e: jnp.where(e.v - e.k == 0, 5.0, 3.0) * jnp.sign(e.k - e.v),
+    "where v != k": lambda e: jnp.where(e.v != e.k, 3.0, 5.0) * jnp.where(e.v < e.k, -1.0, 1.0),
+}
+ELSEWHERE = {
+    "friction": lambda e: -3.0 * jnp.sign(e.v),
+    "a length that may be 0": lambda e: -3.0 * e.v / jnp.where(_length(e) == 0, 1.0, _length(e)),
+    "another surface": lambda e: jnp.where(e.x == 0, 5.0, 3.0) * jnp.sign(e.v),
+    "a contact": lambda e: jnp.where(e.x == 0, 0.0, jnp.where(e.x < 0, -e.k * e.x, 0.0)),
+    "of a number": lambda e: jnp.where(e.k == 0, 5.0, 3.0) * jnp.sign(e.v),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "asks"), [*((x, True) for x in AT_REST), *((x, False) for x in ELSEWHERE)]
+)
+def test_a_value_on_a_surface_at_which_the_rate_jumps_is_noticed(name, asks):
+    plan = _plan((AT_REST | ELSEWHERE)[name])
+    assert plan.distinguishes == asks
+    assert ("friction that is larger at rest" in plan.doubt) == asks
