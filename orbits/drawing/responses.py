@@ -63,7 +63,7 @@ def frequency_response(
     path = picture_path(path)
     scene = found.curves[0].members[0].orbit.scene
     output, label = _output(output or found.output, scene)
-    found = found.with_peaks(output)
+    found = found.with_extremes(output)
     figure = blank(_WIDTH, 6.0)
     axes: Any = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     kinds: dict[str, Any] = {}

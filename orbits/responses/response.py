@@ -124,14 +124,20 @@ class FrequencyResponse:
         """
         return tuple(_peak(curve, output or self.output)[1] for curve in self.curves)
 
-    def with_peaks(self, output: Output | None = None) -> "FrequencyResponse":
-        """The same result with the `peaks` as further members of the curves."""
+    def with_extremes(self, output: Output | None = None) -> "FrequencyResponse":
+        """The same result with the extremes of the curves, as antiresonances, as further members.
+
+        Args:
+          output: see `table`.
+        Raises:
+          ValueError: see `peaks`.
+        """
         curves = []
         for curve in self.curves:
-            place, peak = _peak(curve, output or self.output)
             members = [*curve.members]
-            if peak is not members[min(place, len(members) - 1)]:
-                members.insert(place, peak)
+            for place, extreme in reversed(_extremes(curve, output or self.output)):
+                if extreme is not members[min(place, len(members) - 1)]:
+                    members.insert(place, extreme)
             curves.append(dataclasses.replace(curve, members=tuple(members)))
         return dataclasses.replace(self, curves=tuple(curves))
 
@@ -174,25 +180,50 @@ class FrequencyResponse:
         return Labelled({}, named)
 
 
+#: Part of an amplitude by which those beside it must differ for it to be looked at as an extreme.
+_STANDS_OUT = 1e-2
+
+
 def _peak(curve: Family, output: Output) -> tuple[int, Member]:
     """The response of a curve with the largest amplitude, and the number of members before it.
 
     An output without a value is no peak.
     """
+    heights = _heights(curve, output)
+    if not np.isfinite(heights).any():
+        raise fail("output", "one with a value somewhere on the curve", "NaN everywhere")
+    return _extreme(curve, output, int(np.nanargmax(heights)), 1.0)
+
+
+def _extremes(curve: Family, output: Output) -> list[tuple[int, Member]]:
+    """The peak of a curve and its other largest and smallest amplitudes, in order; see `_peak`."""
+    heights = _heights(curve, output)
+    found = [_peak(curve, output)]
+    for sign in (1.0, -1.0):
+        beside = np.maximum(sign * heights[:-2], sign * heights[2:])
+        middle = sign * heights[1:-1]
+        for i in np.flatnonzero(middle - beside > _STANDS_OUT * np.abs(middle)) + 1:
+            if sign < 0 or i != np.nanargmax(heights):
+                found.append(_extreme(curve, output, int(i), sign))
+    return sorted(found, key=lambda pair: pair[0])
+
+
+def _heights(curve: Family, output: Output) -> np.ndarray:
+    return np.array([amplitude(member.orbit, output) for member in curve.members])
+
+
+def _extreme(curve: Family, output: Output, top: int, sign: float) -> tuple[int, Member]:
+    """The response near a member with the largest amplitude, times a sign, and its place."""
     members = curve.members
 
     def height(member: Member | None) -> float:
-        found = math.nan if member is None else amplitude(member.orbit, output)
+        found = math.nan if member is None else sign * amplitude(member.orbit, output)
         return -math.inf if math.isnan(found) else found
 
-    heights = [height(m) for m in members]
-    if max(heights) == -math.inf:
-        raise fail("output", "one with a value somewhere on the curve", "NaN everywhere")
-    top = int(np.argmax(heights))
     surface = OrbitSurface(curve.equations, members[top].orbit.rtol, GOAL)
     # Steps along the curve from the highest member, backwards and onwards.
     found: dict[float, tuple[float, Member | None]] = {
-        float(n): (heights[top + n], members[top + n])
+        float(n): (height(members[top + n]), members[top + n])
         for n in (-1, 0, 1)
         if 0 <= top + n < len(members)
     }
@@ -206,7 +237,7 @@ def _peak(curve: Family, output: Output) -> tuple[int, Member]:
         return -found[steps][0]
 
     known = sorted(found)
-    if len(known) == 3 and heights[top] > max(heights[top - 1], heights[top + 1]):
+    if len(known) == 3 and found[0.0][0] > max(found[-1.0][0], found[1.0][0]):
         minimize_scalar(lower, bracket=known, method="brent", options=_PEAK)
     else:
         for a, b in itertools.pairwise(known):

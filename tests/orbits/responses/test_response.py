@@ -129,6 +129,18 @@ def test_a_resonance_far_above_its_drive_is_passed():
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+def test_a_picture_passes_the_antiresonance_of_a_mass_with_an_absorber():
+    rest = scenes.spring_chain(m=(1.0, 0.2), k=(1.0, 0.2), c=(0.05, 0.004))
+    found = orbits.frequency_response(rest, "x1", (0.5, 1.6), levels=1.0, step=0.3)
+    omega = np.linspace(0.9, 1.1, 200_001)
+    exact = np.abs(np.asarray(vibration.receptance(rest, "x1", "x1", omega))).min()
+    least = min(quantities.amplitude(m.orbit, "x1") for m in found.curves[0].members)
+    assert least > 1.1 * exact  # no member is near it
+    (line, *_) = orbits.drawing.frequency_response(found).axes[0].lines
+    assert np.min(line.get_ydata()) == pytest.approx(exact, rel=1e-8)
+
+
 def test_an_output_without_a_value_is_no_peak():
     rest = scenes.oscillator(k=1.0, m=1.0, c=0.2, x=0.0)
     found = orbits.frequency_response(rest, "x", (0.5, 2.0), step=0.3)
