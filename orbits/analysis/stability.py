@@ -83,6 +83,7 @@ _NOT_CLOSED = (
     "The motion does not close after the period, so it has no multipliers. Look for the orbit "
     "first: orbits.find(scene, y0, period)."
 )
+_DOUBTFUL = 1e-2  # part of a multiplier above which its bar may be a chance agreement of noise
 _VAGUE = 0.1  # a multiplier with wider bars may be inside or outside of the unit circle
 _LOOSEST = 1e-9  # above this first tolerance runs may take the same few steps and show nothing
 
@@ -312,13 +313,14 @@ def judge(
 
 
 def _is_noise(found: Eigenvalues, orbit: Orbit) -> np.ndarray:
-    """(p,) whether each multiplier is less than its bar, and the bar wider than `_VAGUE`.
+    """(p,) whether each multiplier may be noise, and its bar is wider than `_VAGUE`.
 
+    A bar is the difference of two runs, which may be a small part of noise in both of them.
     For stiff motions no bar is too narrow to count: on a slow curve the rate is a small difference
     of large terms, whose direction the rounding of the start changes.
     """
     vague = 0.0 if orbit.stiff else _VAGUE
-    return found.bars > np.maximum(vague, np.abs(found.values))
+    return found.bars > np.maximum(vague, _DOUBTFUL * np.abs(found.values))
 
 
 class _Runs(NamedTuple):

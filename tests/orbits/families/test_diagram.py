@@ -146,11 +146,11 @@ def test_both_halves_of_a_branch_of_orbits():
     assert sides == {1.0, -1.0}
 
 
-def _fitzhugh_nagumo(current):
-    def rate(t, y, current):
-        return [y[0] - y[0] ** 3 / 3 - y[1] + current, 0.08 * (y[0] + 0.7 - 0.8 * y[1])]
+def _fitzhugh_nagumo(current, recovery=0.08):
+    def rate(t, y, p):
+        return [y[0] - y[0] ** 3 / 3 - y[1] + p[0], p[1] * (y[0] + 0.7 - 0.8 * y[1])]
 
-    return jaxdyn.ode(rate, [-1.2, -0.6], 10.0, params=current)
+    return jaxdyn.ode(rate, [-1.2, -0.6], 10.0, params=[current, recovery])
 
 
 @pytest.mark.slow
@@ -164,6 +164,23 @@ def test_a_canard_explosion_turns_at_a_fold():
     np.testing.assert_allclose(
         [point.parameter for point in family.special], 0.324178522, atol=1e-8
     )
+
+
+def _slow_fitzhugh_nagumo(current):
+    return _fitzhugh_nagumo(current, 0.01)
+
+
+@pytest.mark.slow
+def test_no_orbit_in_the_plane_doubles_its_period_in_a_canard_explosion():
+    """The multiplier is exp of the integral of the divergence, > 0, however large the tangents."""
+    make, within = _slow_fitzhugh_nagumo, (0.2, 0.5)
+    rests = jaxdyn.continue_equilibria(make, 0.0, [-1.2, -0.6], within=(0, 0.5))
+    cycle, hopf = orbits.from_hopf(rests, rests.special[0])
+    family = orbits.continue_family(cycle, make, hopf, members=29, within=within)
+    assert not family.special
+    multipliers = np.array([member.stability.nontrivial[0].real for member in family.members])
+    assert (np.diff(multipliers) > 0).all()
+    assert 1e9 < multipliers[-1] < 1e13  # 3e26 where it is noise
 
 
 def _textbook(mu):
