@@ -19,6 +19,7 @@ from orbits.hybrid.legs import Leg, Path
 
 #: Number of the scenes' spans within which a guess is followed to its events.
 _SPANS = 100.0
+_LOOK = 30  # events of a guess within which its first phase is looked for
 
 Phases = Mapping[str, Phase]
 
@@ -64,6 +65,15 @@ def legs_of(given: Sequence[Leg] | Phases, path: Path) -> tuple[Leg, ...]:
     return tuple(legs)
 
 
+def _count(phases: Phases, y0, span: float, first: str) -> str:
+    """What to do where the number of events does not lead back to the first phase."""
+    path = simulate_phases(phases, None, y0, span, samples=2, max_phases=_LOOK).path
+    for n, (name, number) in enumerate(path, 1):
+        if first in phases[name].exits[number].names:
+            return f"Such as {n}."
+    return f"It is not there again within {number_of(len(path), 'event')}: give another start."
+
+
 def follow(phases: Phases, y0, events: int) -> tuple[Path, np.ndarray]:
     """The path of a guess over a number of events, and the durations between them.
 
@@ -83,7 +93,7 @@ def follow(phases: Phases, y0, events: int) -> tuple[Path, np.ndarray]:
     names = [name for name, _ in path]
     name, number = path[-1]
     if names[0] not in phases[name].exits[number].names:
-        got = f"one after which it is in {phases[name].exits[number].to}"
-        remedy = "Count the phases of a period."
+        got = f"{events}, after which it is in {phases[name].exits[number].to}"
+        remedy = _count(phases, y0, span, names[0])
         raise fail("events", f"a number after which the motion is in {names[0]} again", got, remedy)
     return path, np.diff([float(motion.pieces[0].ts[0]), *motion.times])

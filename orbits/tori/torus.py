@@ -28,7 +28,8 @@ class TorusOutcome(Code):
     NO_CONVERGENCE = (
         1,
         "Newton's method did not converge: there is no such torus near this one. Take a smaller "
-        "amplitude or step, or another rotation: close to a resonance tori break up.",
+        "amplitude or step, or another rotation: close to a resonance tori break up. With damping "
+        "there are no families of tori, and single ones are not looked for.",
     )
     NOT_SMOOTH = (
         2,

@@ -110,7 +110,7 @@ def _phase(to="a", **more):
         (lambda: _found(scenes.ball_on_table(), events=0), "events: expected a whole number"),
         (
             lambda: orbits.find_hybrid(_phase(to="end"), [0.0, 0.0, 1.0, 1.0]),
-            "events: expected a number after which the motion is in a again, got one after .* end",
+            "events: expected a number after which the motion is in a again, got 1, after .* end. It is not",
         ),
         (
             lambda: orbits.find_hybrid(_phase(to="end"), [0.0, 0.0, 1.0, 1.0], events=2),
@@ -238,3 +238,19 @@ def test_a_walker_in_other_units_has_the_same_gait_and_verdict():
     doubling = family.special[0]
     assert doubling.kind == orbits.Kind.DOUBLING
     assert abs(doubling.parameter - 0.0150884379) < 1e-9
+
+
+def test_a_block_that_sticks_to_a_belt_and_slips():
+    """Friction is 0.5 at rest and 0.3 in motion; the belt has the speed 0.2."""
+    slide = jaxdyn.ode(lambda t, y: [y[1], 0.3 - y[0]], [0.0, 0.0])
+    stick = jaxdyn.ode(lambda t, y: [0.2, 0.0], [0.0, 0.2])
+    slips = events.When(lambda t, y: y[0] - 0.5)
+    stops = events.When(lambda t, y: y[1] - 0.2, direction=1)
+    phases = {
+        "stick": Phase(stick, (Exit(slips, "slide", lambda t, y: y),)),
+        "slide": Phase(slide, (Exit(stops, "stick", lambda t, y: y),)),
+    }
+    with pytest.raises(ValueError, match="got 1, after which it is in slide. Such as 2"):
+        orbits.find_hybrid(phases, [0.3, 0.2], events=1)
+    found = orbits.find_hybrid(phases, [0.3, 0.2], events=2)
+    np.testing.assert_allclose(found.period, 1.5 * np.pi + 2.0, rtol=1e-13)
