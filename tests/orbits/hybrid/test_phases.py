@@ -110,7 +110,7 @@ def _phase(to="a", **more):
         (lambda: _found(scenes.ball_on_table(), events=0), "events: expected a whole number"),
         (
             lambda: orbits.find_hybrid(_phase(to="end"), [0.0, 0.0, 1.0, 1.0]),
-            "events: expected a number after which the motion is in a again, got 1, after .* end. It is not",
+            "events: expected a number after which the motion is in a again, got 1, after .* end",
         ),
         (
             lambda: orbits.find_hybrid(_phase(to="end"), [0.0, 0.0, 1.0, 1.0], events=2),
@@ -250,7 +250,7 @@ def test_a_block_that_sticks_to_a_belt_and_slips():
         "stick": Phase(stick, (Exit(slips, "slide", lambda t, y: y),)),
         "slide": Phase(slide, (Exit(stops, "stick", lambda t, y: y),)),
     }
-    with pytest.raises(ValueError, match="got 1, after which it is in slide. Such as 2"):
+    with pytest.raises(ValueError, match=r"got 1, after which it is in slide\. Such as 2"):
         orbits.find_hybrid(phases, [0.3, 0.2], events=1)
     found = orbits.find_hybrid(phases, [0.3, 0.2], events=2)
     np.testing.assert_allclose(found.period, 1.5 * np.pi + 2.0, rtol=1e-13)
