@@ -6,10 +6,12 @@ from matplotlib.figure import Figure
 from jaxdyn import _text
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, style
 from jaxdyn.drawing.panels import WIDTH
-from jaxdyn.drawing.titles import readable
+from jaxdyn.drawing.titles import readable, wrap
 from jaxdyn.files.output_files import picture_path
 from jaxdyn.fitting.result import LEVEL, Fit, with_bar
 
+_TITLE = 0.75  # width of the title, as part of the figure, which has legends beside the panels
+_PALE = "0.6"  # grey of the measurements
 _HIGH, _LOW = 2.0, 1.0  # [in] heights of the two panels for a column
 _SHADES = {"prediction": 0.15, "confidence": 0.35}  # opacities of the bands
 
@@ -48,8 +50,9 @@ def fit(found: Fit, path=None, *, interval: str = "confidence", title: str | Non
             upper.fill_between(
                 predicted.ts, low, high, color=colour, alpha=shade, lw=0, label=label
             )
-        upper.plot(predicted.ts, values, color=colour, lw=1.4, label="fit")
-        upper.plot(table.ts, table.values[:, i], ".", color=INK, ms=3, label="measured")
+        # Many measurements would hide the fit: they are below it, and pale.
+        upper.plot(predicted.ts, values, color=colour, lw=1.4, label="fit", zorder=3)
+        upper.plot(table.ts, table.values[:, i], ".", color=_PALE, ms=4, label="measured")
         unit = "" if column.unit == "1" else f" [{column.unit}]"
         upper.set_ylabel(f"{column.name}{unit}")
         noise = found.noise[column.name]
@@ -62,7 +65,8 @@ def fit(found: Fit, path=None, *, interval: str = "confidence", title: str | Non
         upper.margins(x=0)
         upper.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     panels[-1].set_xlabel(f"t [{second}]" if second else "t")
-    panels[0].set_title(_heading(found) if title is None else readable(title), fontsize=10)
+    above = _heading(found) if title is None else readable(title)
+    panels[0].set_title(wrap(above, _TITLE * WIDTH), fontsize=10)
     return finish(figure, path)
 
 

@@ -14,7 +14,8 @@ from jaxdyn.drawing.titles import readable
 from jaxdyn.files.output_files import picture_path
 from jaxdyn.vibration.transfer import TransferFunction
 
-_FEW_DECADES = 300.0  # ratio of frequencies below which ticks between powers of 10 have labels
+_FEW_DECADES = 300.0  # ratio of numbers below which ticks between powers of 10 have labels
+_NARROW = 4.0  # ratio of frequencies below which their scale is linear
 
 
 def bode(
@@ -29,6 +30,8 @@ def bode(
     title: str | None = None,
 ) -> Figure:
     """A Bode plot: magnitudes on logarithmic scales, and phases in degrees.
+
+    Frequencies in a narrow range have a linear scale.
 
     Args:
       omega: (s,) angular frequencies, > 0 [rad/s].
@@ -65,10 +68,13 @@ def bode(
     axes[0].set(ylabel=known if magnitude is None else magnitude)
     frequency = with_unit("frequency", unit) if frequency is None else frequency
     axes[1].set(xlabel=frequency, ylabel="phase [deg]")
-    if omega.max() < _FEW_DECADES * omega.min():  # the powers of 10 alone would be too few
-        axes[1].xaxis.set_minor_locator(LogLocator(subs=(2.0, 3.0, 5.0)))
-        axes[1].xaxis.set_major_formatter("{x:g}")
-        axes[1].xaxis.set_minor_formatter("{x:g}")
+    if omega.max() < _NARROW * omega.min():
+        axes[1].set_xscale("linear")
+    elif omega.max() < _FEW_DECADES * omega.min():  # the powers of 10 alone would be too few
+        _label_between(axes[1].xaxis)
+    sizes = np.abs(values[values != 0])
+    if sizes.size and sizes.max() < _FEW_DECADES * sizes.min():
+        _label_between(axes[0].yaxis)
     axes[1].yaxis.get_major_locator().set_params(steps=[1, 1.8, 4.5, 9, 10])
     axes[0].set_title(readable(title), fontsize=10)
     for ax in axes:
@@ -77,3 +83,10 @@ def bode(
     if names:
         legend_below(figure, legend_entries(*axes))
     return finish(figure, path)
+
+
+def _label_between(axis: Any) -> None:
+    """Label ticks between the powers of 10 of a logarithmic axis."""
+    axis.set_minor_locator(LogLocator(subs=(2.0, 3.0, 5.0)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter("{x:g}")

@@ -48,10 +48,13 @@ def heading(title: str | None, scenes: Sequence[Scene], width: float, *lines: st
       lines: those that are not empty follow the title.
     """
     first = describe(*scenes) if title is None else readable(title)
-    # Lines are not broken between a number and its name or within an array.
-    kept = (_ONE.sub(_without_breaks, line) for line in (first, *lines) if line)
-    folded = "\n".join(textwrap.fill(line, int(width / _CHARACTER)) for line in kept)
-    return folded.replace(_SPACE, " ")
+    return "\n".join(wrap(line, width) for line in (first, *lines) if line)
+
+
+def wrap(line: str, width: float) -> str:
+    """A line wrapped to a width [in], but not between a number and its name or within an array."""
+    kept = _ONE.sub(_without_breaks, line)
+    return textwrap.fill(kept, int(width / _CHARACTER)).replace(_SPACE, " ")
 
 
 def readable(title: str | None) -> str:

@@ -64,6 +64,14 @@ def test_response_curves_are_dashed_between_their_folds_and_the_backbone_passes_
         orbits.drawing.backbone(backbone, against="time")
 
 
+def test_a_bode_plot_of_a_narrow_range_has_a_linear_scale_of_frequencies():
+    scales = []
+    for high in (2.0, 20.0):
+        omega = np.linspace(1.0, high, 50)
+        scales.append(drawing.bode(omega, 1 / (2 - omega**2 + 0.1j)).axes[1].get_xscale())
+    assert scales == ["linear", "log"]
+
+
 def test_a_bode_plot_has_a_line_for_each_response(tmp_path):
     omega = jnp.geomspace(0.1, 10, 20)
     h = 1 / (1 - np.asarray(omega) ** 2 + 0.1j)
