@@ -36,7 +36,7 @@ def test_growth_and_frequency_are_those_of_the_equations(family):
     assert np.isnan(frequency[~turning]).all()
     assert below.get_xlabel() == "k"
     (mark,) = (line for line in above.lines if line.get_label() == "pitchfork")
-    np.testing.assert_allclose([*mark.get_xdata(), *mark.get_ydata()], 0.0, atol=1e-12)
+    np.testing.assert_allclose(mark.get_xydata(), 0.0, atol=1e-12)
 
 
 def test_without_oscillations_there_is_no_panel_of_frequencies():
