@@ -10,8 +10,9 @@ the second derivative of the rate:
 - Zero-Hopf and double Hopf point: the smallest of the eigenvalues besides the critical ones, or the
   smallest sum of two of them, with the sign of the product of all.
 
-Those that are rates are divided by 1 + |A|. A cusp and a Bogdanov-Takens point on a curve of folds
-are judged by angles between vectors, which a large eigenvalue of another direction leaves alone.
+All but the tests of a cusp, and of a Bogdanov-Takens point on a curve of folds, are divided by
+1 + |A|. Those two are angles between vectors, which a large eigenvalue of another direction leaves
+alone.
 
 Reference: Kuznetsov (2004), Elements of Applied Bifurcation Theory, 3rd edition, chapters 8 and 10.
 """

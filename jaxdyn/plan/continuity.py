@@ -9,6 +9,9 @@ a < b decides has to be between two values that are equal wherever a = b, by rul
 - the same continuous function of equal values has equal values.
 
 What these rules do not show is taken for a jump, which costs time in compiling but is never wrong.
+
+A comparison a == b whose surface is also that of a jump gives the rate a value of its own there, as
+static friction has. Motions are on such a surface up to rounding only, so that it is reported.
 """
 
 import dataclasses
