@@ -160,6 +160,7 @@ def drift(motion: Trajectory, of: str = "energy") -> Array:
       of: name of the quantity, one of `integrals`.
     Raises:
       ValueError: the motion has fewer than two samples, or `of` is not one of `integrals`.
+    Limits: it says nothing of particles without mass; `jaxdyn.accuracy.estimate` does.
     """
     if len(motion.ts) < 2:
         raise _checks.fail("motion", "at least 2 samples", len(motion.ts), "Simulate with more.")
