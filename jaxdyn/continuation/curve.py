@@ -44,6 +44,7 @@ class WithSecond(eqx.Module):
         return self.make(first, self.second)
 
 
+_PART_OF_STEP = 0.1  # largest distance from a chord of a point on the curve, in lengths of it
 _ROUNDING = 1e-12  # printed parameters below this part of the largest of the curve are 0
 
 
@@ -210,6 +211,17 @@ class Curve(ParameterCurve[CurvePoint]):
     def states(self) -> np.ndarray:
         """(n, k) states of the members."""
         return np.array([member.state for member in self.members])
+
+    def passes(self, x) -> bool:
+        """Whether it passes a point (k + 2,), state and parameters, as far as its chords tell."""
+        members = np.array([member.x for member in self.members])
+        extent = np.ptp(members, axis=0)
+        sizes = np.where(extent > 0, extent, 1.0)
+        steps, from_start = np.diff(members / sizes, axis=0), (np.asarray(x) - members[:-1]) / sizes
+        squares = np.sum(steps**2, axis=1)
+        share = np.clip(np.sum(steps * from_start, axis=1) / squares, 0.0, 1.0)
+        apart = np.sum((from_start - share[:, None] * steps) ** 2, axis=1)
+        return bool((apart <= _PART_OF_STEP**2 * squares).any())
 
 
 def parameter_names(make: MakeOfTwo) -> tuple[str, str]:

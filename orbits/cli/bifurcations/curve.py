@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
 import jaxdyn
@@ -31,8 +30,6 @@ from orbits.cli.bifurcations.shared import (
     open_file,
 )
 from orbits.cli.shared import NOT_FOUND, bounds
-
-_PART_OF_STEP = 0.1  # largest distance from the chord between two members that are neighbours
 
 
 def curve_command(
@@ -119,9 +116,7 @@ def _of_equilibria(make, both, begin: list[float], options: dict, out: Screen) -
         if point.kind == jaxdyn.continuation.Kind.BRANCH:
             continue
         what = f"the {point.kind} at {point.parameter:.6g}"
-        if any(
-            curve.kind == point.kind and _passes(curve, np.append(point.x, q)) for curve in found
-        ):
+        if any(curve.kind == point.kind and curve.passes([*point.x, q]) for curve in found):
             out.print(f"{what} lies on a curve above")
             continue
         for down in (False, True):
@@ -131,18 +126,6 @@ def _of_equilibria(make, both, begin: list[float], options: dict, out: Screen) -
             out.print(str(curve))
             found.append(curve)
             yield curve
-
-
-def _passes(curve, x: np.ndarray) -> bool:
-    """Whether a curve of equilibria passes a state and parameters, as near as its chords tell."""
-    members = np.array([member.x for member in curve.members])
-    extent = np.ptp(members, axis=0)
-    sizes = np.where(extent > 0, extent, 1.0)
-    steps, from_start = np.diff(members / sizes, axis=0), (x - members[:-1]) / sizes
-    squares = np.sum(steps**2, axis=1)
-    share = np.clip(np.sum(steps * from_start, axis=1) / squares, 0.0, 1.0)
-    apart = np.sum((from_start - share[:, None] * steps) ** 2, axis=1)
-    return bool((apart <= _PART_OF_STEP**2 * squares).any())
 
 
 def _starts(
