@@ -11,7 +11,7 @@ from scipy.interpolate import PchipInterpolator
 from jaxdyn import _checks
 from jaxdyn._checks import check_first
 from jaxdyn._text import with_unit
-from jaxdyn.continuation.family import EquilibriumFamily
+from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.drawing.figures import PALETTE, blank, finish, legend_below, legend_entries, style
 from jaxdyn.drawing.titles import readable
@@ -68,15 +68,20 @@ def equilibria(
     figure = blank(6.8, 4.6)
     ax: Any = figure.add_subplot()
     draw_equilibria(ax, families, index)
-    colours = dict(zip(EQUILIBRIUM_MARKERS, PALETTE[1:], strict=False))
     for point in (x for family in families for x in family.special):
-        look = {"color": colours[point.kind], "ms": 7, "zorder": 4, "ls": ""}
-        place = [point.parameter], [point.state[index]]
-        ax.plot(*place, EQUILIBRIUM_MARKERS[point.kind], label=point.name, **look)
+        mark_special(ax, point, point.state[index])
     ax.set(xlabel=parameter, ylabel=label, title=readable(title))
     style(ax)
     legend_below(figure, legend_entries(ax))
     return finish(figure, path)
+
+
+def mark_special(ax, point: Equilibrium, height: float) -> None:
+    """Mark a special equilibrium at its parameter and a height."""
+    kinds = list(EQUILIBRIUM_MARKERS)
+    look = {"color": PALETTE[1 + kinds.index(point.kind)], "ms": 7, "zorder": 4, "ls": ""}
+    marker = EQUILIBRIUM_MARKERS[point.kind]
+    ax.plot([point.parameter], [height], marker, label=point.name, **look)
 
 
 def bifurcation_curves(curves: Sequence, path=None, *, title: str | None = None) -> Figure:

@@ -3,7 +3,6 @@
 import itertools
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -14,10 +13,9 @@ from jaxdyn._text import frequency_scale, with_unit
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
 from jaxdyn.continuation.special import EquilibriumChart
 from jaxdyn.continuation.units import units_of
-from jaxdyn.drawing.bifurcations import EQUILIBRIUM_MARKERS, with_special
+from jaxdyn.drawing.bifurcations import mark_special, with_special
 from jaxdyn.drawing.figures import (
     INK,
-    PALETTE,
     blank,
     finish,
     legend_below,
@@ -81,21 +79,13 @@ def eigenvalues(
     axes[-1].set(xlabel=parameter)
     if len(parts) > 1:
         axes[1].set_ylim(bottom=0.0)
-    _mark(axes, family.special, scale)
+    for point in family.special:
+        mark_special(axes[0], point, 0.0)
+        if not math.isnan(point.frequency):
+            mark_special(axes[-1], point, scale * point.frequency)
     if family.special:
         legend_below(figure, legend_entries(axes[0]))
     return finish(figure, path)
-
-
-def _mark(axes: Sequence[Any], special: Sequence[Equilibrium], scale: float) -> None:
-    """Mark special points where their eigenvalues cross the axis, and at their frequencies."""
-    colours = dict(zip(EQUILIBRIUM_MARKERS, PALETTE[1:], strict=False))
-    for point in special:
-        marker = EQUILIBRIUM_MARKERS[point.kind]
-        look = {"color": colours[point.kind], "ms": 7, "zorder": 4, "ls": "", "label": point.name}
-        for ax, value in zip(axes, (0.0, scale * point.frequency), strict=False):
-            if not math.isnan(value):
-                ax.plot([point.parameter], [value], marker, **look)
 
 
 def _refine(family: EquilibriumFamily) -> list[Equilibrium]:

@@ -13,6 +13,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._checks import as_float
+from jaxdyn._numerics import nan_unless
 from jaxdyn._records import Record
 
 
@@ -169,7 +170,7 @@ class Table(Signal):
         if not _checks.is_traced(self.ts):
             return self
         increase = (jnp.diff(self.ts) > 0).all()
-        return dataclasses.replace(self, values=jnp.where(increase, self.values, jnp.nan))
+        return dataclasses.replace(self, values=nan_unless(increase, self.values))
 
 
 def check_signal(given: Signal) -> Signal:
