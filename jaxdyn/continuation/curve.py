@@ -217,11 +217,19 @@ class Curve(ParameterCurve[CurvePoint]):
         members = np.array([member.x for member in self.members])
         extent = np.ptp(members, axis=0)
         sizes = np.where(extent > 0, extent, 1.0)
-        steps, from_start = np.diff(members / sizes, axis=0), (np.asarray(x) - members[:-1]) / sizes
-        squares = np.sum(steps**2, axis=1)
-        share = np.clip(np.sum(steps * from_start, axis=1) / squares, 0.0, 1.0)
-        apart = np.sum((from_start - share[:, None] * steps) ** 2, axis=1)
-        return bool((apart <= _PART_OF_STEP**2 * squares).any())
+        _, apart = beside_chords(members / sizes, np.asarray(x) / sizes)
+        return bool((apart <= _PART_OF_STEP).any())
+
+
+def beside_chords(points: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where on each chord of points (n, k) is nearest to a point (k,), and how far, in its length.
+
+    The first, (n - 1,), is a part of the chord; beside a bend it is one of its ends.
+    """
+    off, along = x - points[:-1], np.diff(points, axis=0)
+    squares = np.maximum(np.sum(along**2, 1), np.finfo(float).tiny)
+    share = np.clip(np.sum(off * along, 1) / squares, 0.0, 1.0)
+    return share, np.linalg.norm(off - share[:, None] * along, axis=1) / np.sqrt(squares)
 
 
 def parameter_names(make: MakeOfTwo) -> tuple[str, str]:

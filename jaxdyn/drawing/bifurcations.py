@@ -11,6 +11,7 @@ from scipy.interpolate import PchipInterpolator
 from jaxdyn import _checks
 from jaxdyn._checks import check_first
 from jaxdyn._text import with_unit
+from jaxdyn.continuation.curve import beside_chords
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.drawing.figures import PALETTE, blank, finish, legend_below, legend_entries, style
@@ -251,12 +252,8 @@ def _between(at: np.ndarray, special: Sequence, place: Callable) -> list[list]:
     Each is beside one of the lines that join them, the nearest, by less than half its length.
     """
     found: list[list] = [[] for _ in at[1:]]
-    along = np.diff(at, axis=0)
-    squares = np.maximum(np.sum(along**2, 1), np.finfo(float).tiny)
     for x in special:
-        off = place(x) - at[:-1]
-        share = np.clip(np.sum(off * along, 1) / squares, 0.0, 1.0)  # beside a bend it is neither
-        apart = np.linalg.norm(off - share[:, None] * along, axis=1) / np.sqrt(squares)
+        share, apart = beside_chords(at, place(x))
         nearest = int(np.argmin(apart)) if len(apart) else 0
         if len(apart) and apart[nearest] < _BESIDE:
             found[nearest].append((share[nearest], x))
