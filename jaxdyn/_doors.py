@@ -5,12 +5,13 @@ name of anything that was renamed. Folders that few need, such as the gallery, a
 attributes, but are not among the public names.
 """
 
-import difflib
 import importlib
 import sys
 import warnings
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, TypeVar
+
+from jaxdyn._text import suggestion
 
 _Class = TypeVar("_Class", bound=type)
 
@@ -46,17 +47,12 @@ def attribute_getter(
         if name in folders:
             return importlib.import_module(f"{package}.{name}")
         if name not in new:
-            try:
-                if listed is None:
-                    raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            module = sys.modules.get(package)
+            if listed is not None and name in getattr(module, "__all__", ()):
                 return listed(name)
-            except AttributeError as error:
-                module = sys.modules.get(package)
-                known = [] if module is None or name.startswith("_") else dir(module)
-                near = difflib.get_close_matches(name, known, n=1)
-                if not near:
-                    raise
-                raise AttributeError(f"{error}. Did you mean {near[0]!r}?") from None
+            known = [] if module is None or name.startswith("_") else dir(module)
+            message = f"module {package!r} has no attribute {name!r}"
+            raise AttributeError(". ".join(filter(None, (message, suggestion(name, known)))))
         place, now = new[name]
         _warn(f"{package}.{name}", f"{place}.{now}".rstrip("."))
         found = importlib.import_module(place)

@@ -62,13 +62,23 @@ def choice(name: str, x: str, choices: Iterable[str], listed_by: str = "") -> st
     """
     choices = sorted(choices)
     if x not in choices:
-        near = [c for c in choices if c.lower() == str(x).lower()]
-        near = near or difflib.get_close_matches(str(x), choices, n=1)
-        hint = f"Did you mean {near[0]!r}?" if near else ""
         which = f"one of {', '.join(choices)}" if choices else "no name, since there is none"
         which = f"one that `{listed_by}` shows" if listed_by else which
-        raise fail(name, which, repr(x), hint)
+        raise fail(name, which, repr(x), suggestion(str(x), choices))
     return x
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """A question whether another name is meant; "" where none is similar.
+
+    A name that differs in case comes first, then one that has the word among its parts, as
+    ``continue_family`` has ``family``, then one that is spelled similarly.
+    """
+    known = sorted(known)
+    near = [name for name in known if name.lower() == word.lower()]
+    near = near or [name for name in known if word.lower() in name.lower().split("_")]
+    near = near or difflib.get_close_matches(word, known, n=1)
+    return f"Did you mean {near[0]!r}?" if near else ""
 
 
 def number_of(n: int, noun: str, plural: str = "") -> str:

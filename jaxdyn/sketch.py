@@ -13,6 +13,7 @@ code. A shape is a pytree: its corners are arrays, its kind and name static.
     dashpot  from end to end, one or several
     pin      a hinge or an anchor on the ground
     trace    a point that leaves a path; where a scene has any, only these are drawn
+    mark     a fixed place with a name, such as a body: a dot where a motion comes near it
 """
 
 import abc
@@ -26,7 +27,9 @@ from jaxtyping import Array
 
 from jaxdyn._numerics import safe_norm
 
-Kind = Literal["line", "area", "solid", "ground", "spring", "dashpot", "pin", "trace"]
+Kind = Literal["line", "area", "solid", "ground", "spring", "dashpot", "pin", "trace", "mark"]
+#: Kinds of single points with a name, which have no outline.
+NAMED: tuple[Kind, ...] = ("trace", "mark")
 _CORNERS = 48  # corners of a drawn circle, a multiple of 4
 
 
@@ -68,6 +71,11 @@ def pin(*places: Array) -> Shape:
 def traces(r: Array, names: Sequence[str]) -> tuple[Shape, ...]:
     """A named path for each of the points r (n, d)."""
     return tuple(Shape("trace", r[i][None], name) for i, name in enumerate(names))
+
+
+def mark(name: str, place: Array) -> Shape:
+    """A fixed place (d,) with a name."""
+    return Shape("mark", place[None], name)
 
 
 def rectangle(kind: Kind, sides, centre=(0.0, 0.0)) -> Shape:

@@ -1,7 +1,6 @@
 """The command `jaxdyn list`: scenes with their parameters, problems, texts about a word."""
 
 from collections.abc import Mapping
-from difflib import get_close_matches
 from typing import Annotated
 
 import typer
@@ -10,7 +9,7 @@ from rich.table import Table
 
 import jaxdyn
 from jaxdyn import _scene_files
-from jaxdyn._text import fail
+from jaxdyn._text import fail, suggestion
 from jaxdyn.cli import completion, topics
 from jaxdyn.cli.docstrings import SceneText, of_file, scenes
 from jaxdyn.cli.screen import Screen
@@ -96,9 +95,7 @@ def _texts(words: list[str]) -> dict[str, dict[str, str]]:
         if not any([*found.values(), *topics.about(word, zoo)]):
             found["guide of the site"] |= topics.guides(word, times=1)
         if not any([*found.values(), *topics.about(word, zoo)]):
-            near = get_close_matches(word, zoo, n=1)
-            hint = f"Did you mean {near[0]!r}?" if near else _TRY
-            raise fail("list", _MENTIONED, repr(word), hint)
+            raise fail("list", _MENTIONED, repr(word), suggestion(word, zoo) or _TRY)
     return found
 
 

@@ -20,4 +20,7 @@ its path by `output_files.picture_path`, draws on `figures.blank` with `figures.
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+import jaxdyn._doors
+
+_listed, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__ = jaxdyn._doors.attribute_getter(__name__, _listed)

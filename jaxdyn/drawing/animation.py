@@ -28,7 +28,7 @@ from jaxdyn._progress import each
 from jaxdyn.drawing.artists import Shapes
 from jaxdyn.drawing.contents import Paths, in_time, paths, places
 from jaxdyn.drawing.figures import blank, legend_below, path_entries
-from jaxdyn.drawing.panels import colours, draw_lines, limits, panel, size
+from jaxdyn.drawing.panels import colours, draw_lines, draw_marks, limits, panel, size
 from jaxdyn.drawing.solid import fill
 from jaxdyn.files.output_files import animation_path
 from jaxdyn.integrate.phases import HybridTrajectory
@@ -128,6 +128,7 @@ class _Actors:
         pale = [1 - f * (1 - np.array(to_rgb(colour))) for f in fade for colour in own]
         widths = np.repeat(0.4 + 2.2 * fade, len(own))
         self.trails = draw_lines(ax, [], colors=pale, linewidths=widths)
+        draw_marks(ax, drawn)
         self.shapes = Shapes(ax, drawn, box)
         self.dots = [
             ax.plot(*point[:, None], "o", color=colour, ms=10, mec="white")[0]

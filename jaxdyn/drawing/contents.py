@@ -17,9 +17,10 @@ from jaxdyn.drawing.curves import Outline, Part, fine, samples_reached
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
-from jaxdyn.sketch import Kind
+from jaxdyn.sketch import NAMED, Kind
 
 _LOOKS = 100  # number of samples at which the extent of shapes is evaluated
+_NEAR = 1.0  # distance of a mark from a motion, over the motion's extent, up to which it is drawn
 
 
 class Moving(NamedTuple):
@@ -42,6 +43,7 @@ class Paths(NamedTuple):
       equal: whether all axes have one scale.
       stopped: why the run stopped early; empty if it did not.
       shapes: the moving shapes; on axes of two scales only lines.
+      marks: names and positions (D,) of the fixed places near the motion.
       corners: indices of the samples where a later phase of a chain begins.
     """
 
@@ -53,6 +55,7 @@ class Paths(NamedTuple):
     equal: bool
     stopped: str
     shapes: tuple[Moving, ...]
+    marks: tuple[tuple[str, np.ndarray], ...]
     corners: tuple[int, ...]
 
 
@@ -90,12 +93,13 @@ def paths(motion: Trajectory | HybridTrajectory, entries: Sequence[str] | None =
             "Choose some with entries=, or draw them against time with drawing.time_series.",
         )
     outlines = _common(parts)
-    marks = [(outline.name, at[:, 0]) for outline, at in outlines if outline.kind == "trace"]
-    names = tuple(name for name, _ in marks) or (pieces[0].scene.point_names if n > 1 else ())
-    xyz = np.concatenate([at for _, at in marks], axis=1) if marks else points
+    traces = [(outline.name, at[:, 0]) for outline, at in outlines if outline.kind == "trace"]
+    names = tuple(name for name, _ in traces) or (pieces[0].scene.point_names if n > 1 else ())
+    xyz = np.concatenate([at for _, at in traces], axis=1) if traces else points
+    marks = [(outline.name, at[0, 0, 0]) for outline, at in outlines if outline.kind == "mark"]
     named = _axes(pieces[0], d, which[0])
     symbols, second = _axis_labels(pieces[0], named)
-    shapes = [Moving(outline.kind, at) for outline, at in outlines if outline.kind != "trace"]
+    shapes = [Moving(outline.kind, at) for outline, at in outlines if outline.kind not in NAMED]
     if d == 1:
         xyz, symbols = _against(ts, xyz), (f"t [{second.strip()}]" if second else "t", *symbols)
         shapes = [Moving(kind, _against(ts, at)) for kind, at in shapes if kind == "line"]
@@ -108,6 +112,7 @@ def paths(motion: Trajectory | HybridTrajectory, entries: Sequence[str] | None =
         equal=d > 1 and len({unit for _, unit in named}) == 1,
         stopped=why_stopped(motion, second),
         shapes=tuple(shapes),
+        marks=tuple((name, at) for name, at in marks if _is_near(at, xyz)),
         corners=tuple(np.cumsum([len(part.ts) for part in parts])[:-1].tolist()),
     )
 
@@ -122,12 +127,13 @@ def why_stopped(motion: Trajectory | HybridTrajectory, second: str = " s") -> st
     return f"{what} (t = {last.ts[good - 1]:.4g}{second})" if good else what
 
 
-def places(drawn: Paths) -> np.ndarray:
-    """(p, D) all points that must fit in the picture: the paths and the shapes."""
+def places(drawn: Paths, *, shapes: bool = True) -> np.ndarray:
+    """(p, D) all points that must fit in the picture: the paths, the marks, and the shapes."""
     size = drawn.xyz.shape[-1]
     thin = slice(None, None, max(1, len(drawn.ts) // _LOOKS))
-    corners = [at[thin].reshape(-1, size) for _, at in drawn.shapes]
-    return np.concatenate([drawn.xyz.reshape(-1, size), *corners])
+    corners = [at[thin].reshape(-1, size) for _, at in drawn.shapes if shapes]
+    fixed = [at[None] for _, at in drawn.marks]
+    return np.concatenate([drawn.xyz.reshape(-1, size), *fixed, *corners])
 
 
 def in_time(drawn: Paths, count: int) -> np.ndarray:
@@ -145,6 +151,15 @@ def _common(parts: Sequence[Part]) -> list[tuple[Outline, np.ndarray]]:
         outline for outline in parts[0].outlines if all(outline in part.outlines for part in parts)
     ]
     return [(x, np.concatenate([part.outlines[x] for part in parts])) for x in kept]
+
+
+def _is_near(place: np.ndarray, xyz: np.ndarray) -> bool:
+    """Whether a place (D,) would fit in a picture of paths (s, n, D) of about their own size."""
+    if not xyz.size:
+        return False
+    low, high = xyz.min(axis=(0, 1)), xyz.max(axis=(0, 1))
+    room = _NEAR * (high - low).max()
+    return bool((low - room <= place).all() and (place <= high + room).all())
 
 
 def _against(ts: np.ndarray, places: np.ndarray) -> np.ndarray:

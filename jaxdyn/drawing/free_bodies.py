@@ -29,7 +29,7 @@ from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
-from jaxdyn.sketch import Shape
+from jaxdyn.sketch import NAMED, Shape
 
 _MOST_BODIES = 8
 _PANEL = 3.3  # side of a panel [in]
@@ -172,7 +172,7 @@ def _shapes(shapes: tuple[Shape, ...], view: np.ndarray) -> list[tuple[str, np.n
         (shape.kind, line)
         for shape in shapes
         for line in _flat(shape.at, view).reshape(-1, shape.at.shape[-2], 2)
-        if shape.kind != "trace"
+        if shape.kind not in NAMED
     ]
 
 

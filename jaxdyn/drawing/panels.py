@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from jaxdyn.drawing.contents import Paths
-from jaxdyn.drawing.figures import GRID, shades, style
+from jaxdyn.drawing.figures import GRID, INK, shades, style
 
 WIDTH = 6.4  # width of a figure [in]
 _PIECES = 120  # pieces into which a path is divided; see `draw_paths`
@@ -82,6 +82,13 @@ def draw_paths(ax, drawn: Paths, own: list) -> None:
     draw_lines(
         ax, pieces, colors=own * len(spans), linewidths=1.8, capstyle="round", joinstyle="round"
     )
+
+
+def draw_marks(ax, drawn: Paths) -> None:
+    """Draw a dot with a name at each fixed place."""
+    for name, place in drawn.marks:
+        ax.plot(*place[:, None], "o", color=INK, ms=6, zorder=3)
+        ax.text(*place, f"  {name}", color=INK, fontsize=9, va="center", zorder=3)
 
 
 def jumps(drawn: Paths) -> list[int]:

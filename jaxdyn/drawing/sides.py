@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 
 from jaxdyn import _checks
 from jaxdyn._checks import check_first
-from jaxdyn.drawing.contents import Paths, paths
+from jaxdyn.drawing.contents import Paths, paths, places
 from jaxdyn.drawing.figures import blank, finish, legend_below, mark, path_entries, style
-from jaxdyn.drawing.panels import WIDTH, colours, draw_paths, draw_starts, limits
+from jaxdyn.drawing.panels import WIDTH, colours, draw_marks, draw_paths, draw_starts, limits
 from jaxdyn.drawing.titles import heading, scenes_of
 from jaxdyn.files.output_files import picture_path
 from jaxdyn.integrate.phases import HybridTrajectory
@@ -49,7 +49,7 @@ def projections(
     if len(drawn.labels) != 3:
         got = f"one in {', '.join(drawn.labels)}"
         raise _checks.fail("motion", "a motion in space", got, "Use drawing.trajectory.")
-    box = limits(drawn.xyz, True)
+    box = limits(places(drawn, shapes=False), True)
     sides = np.diff(box)[:, 0]
     scale = (WIDTH - _ROOM) / (sides[0] + sides[1])
     figure = blank(WIDTH, scale * (sides[1] + sides[2]) + _ROOM)
@@ -60,7 +60,8 @@ def projections(
             ax.set(**{f"{axis}lim": box[side], f"{axis}label": drawn.labels[side]})
         ax.set_aspect("equal")
         style(ax)
-        _draw(ax, drawn._replace(xyz=drawn.xyz[..., plane]))
+        marks = tuple((name, at[list(plane)]) for name, at in drawn.marks)
+        _draw(ax, drawn._replace(xyz=drawn.xyz[..., plane], marks=marks))
     figure.suptitle(heading(title, scenes_of([motion]), WIDTH, drawn.stopped), fontsize=10)
     legend_below(figure, [*path_entries(drawn.names, colours(drawn)), mark("o", "start")])
     return finish(figure, path)
@@ -68,5 +69,6 @@ def projections(
 
 def _draw(ax, drawn: Paths) -> None:
     draw_paths(ax, drawn, colours(drawn))
+    draw_marks(ax, drawn)
     if len(drawn.xyz):
         draw_starts(ax, drawn, colours(drawn))

@@ -27,7 +27,7 @@ from jaxdyn.drawing.figures import (
     path_entries,
     shades,
 )
-from jaxdyn.drawing.panels import colours, draw_paths, draw_starts, limits, panel, size
+from jaxdyn.drawing.panels import colours, draw_marks, draw_paths, draw_starts, limits, panel, size
 from jaxdyn.drawing.series import time_series
 from jaxdyn.drawing.solid import fill
 from jaxdyn.drawing.titles import heading, scenes_of
@@ -127,6 +127,7 @@ def pose(scene: Scene) -> Figure:
 def _draw(ax, drawn: Paths, own: list, box: np.ndarray, *, poses: bool) -> None:
     """Draw one motion in these colours."""
     draw_paths(ax, drawn, own)
+    draw_marks(ax, drawn)
     shapes = Shapes(ax, drawn, box)
     if not len(drawn.xyz):
         return

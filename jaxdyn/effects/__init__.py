@@ -18,4 +18,7 @@ a `potential` or a `force`, `velocity_dependent = False` if the force does not d
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+import jaxdyn._doors
+
+_listed, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__ = jaxdyn._doors.attribute_getter(__name__, _listed)

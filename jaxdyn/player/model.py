@@ -31,6 +31,7 @@ from jaxdyn.player.choices import Ask, Choices, starts, starts_together
 from jaxdyn.player.pages import embed
 from jaxdyn.scene import Scene, check_scene
 from jaxdyn.scenes.corners import has_corners, phases_of
+from jaxdyn.sketch import NAMED
 from jaxdyn.symbolic.code import code
 from jaxdyn.symbolic.parameters import (
     Leaf,
@@ -412,7 +413,7 @@ def _drawing(scene: Scene) -> tuple[list[Outline], list[str], Callable]:
             return y[:3] if len(y) <= 3 else y[:2]
         found = moved.sketch(t, y)
         marks = [shape.at for shape in found if shape.kind == "trace"]
-        rest = [shape.at for shape in found if shape.kind != "trace"]
+        rest = [shape.at for shape in found if shape.kind not in NAMED]
         corners = [
             at.reshape(-1, d)[np.array(outline.computed)]
             for at, outline in zip(rest, outlines, strict=True)
@@ -425,7 +426,7 @@ def _drawing(scene: Scene) -> tuple[list[Outline], list[str], Callable]:
 
 
 def _outlines(scene: Scene) -> list[Outline]:
-    """The shapes of a scene except traces, with the corners that determine the others."""
+    """The shapes of a scene that have outlines, with the corners that determine the others."""
     rng = np.random.default_rng(0)
     y0, p0 = np.asarray(scene.y0), parameters(scene).values
     ys = y0 + 0.3 * (1.0 + np.abs(y0)) * rng.standard_normal((_SAMPLES, len(y0)))
@@ -436,9 +437,10 @@ def _outlines(scene: Scene) -> list[Outline]:
     def corners(y, p):
         system, effects = rebuild(scene.field, p)
         shapes = Scene(system, effects, y0=y, t1=scene.t1).sketch(jnp.asarray(0.3), y)
-        return [shape.at for shape in shapes if shape.kind != "trace"]
+        return [shape.at for shape in shapes if shape.kind not in NAMED]
 
-    kinds = [shape.kind for shape in scene.sketch(jnp.zeros(()), scene.y0) if shape.kind != "trace"]
+    shapes = scene.sketch(jnp.zeros(()), scene.y0)
+    kinds = [shape.kind for shape in shapes if shape.kind not in NAMED]
     return [
         _outline(kind, np.asarray(at))
         for kind, at in zip(kinds, corners(jnp.asarray(ys), jnp.asarray(ps)), strict=True)

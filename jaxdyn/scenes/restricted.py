@@ -15,7 +15,7 @@ from jaxdyn import _checks, _text
 from jaxdyn._checks import as_float, check_first
 from jaxdyn.scene import Scene, System
 from jaxdyn.scenes.ready_made import ready_made
-from jaxdyn.sketch import Shape, circle
+from jaxdyn.sketch import Shape, circle, mark
 from jaxdyn.system import UNIT, Points
 
 #: Radius of attracting masses in drawings; in the equations they are points.
@@ -99,10 +99,21 @@ class RestrictedThreeBody(RestrictedProblem):
 
 
 class RestrictedThreeBodyInSpace(RestrictedProblem):
-    """The restricted three-body problem in space."""
+    """The restricted three-body problem in space.
+
+    Attributes:
+      bodies: names of the two bodies, in pictures.
+    """
+
+    bodies: tuple[str, str] = eqx.field(static=True, default=("m1", "m2"), kw_only=True)
 
     def labels(self):
         return tuple((name, "1") for name in ("x", "y", "z", "vx", "vy", "vz"))
+
+    def sketch(self, t, y):
+        del t, y
+        places = (self.units[0] * jnp.stack([x, 0.0 * x, 0.0 * x]) for x in (-self.mu, 1 - self.mu))
+        return tuple(mark(name, at) for name, at in zip(self.bodies, places, strict=True))
 
 
 class Pair(NamedTuple):
@@ -219,8 +230,10 @@ def restricted_three_body_in_space(
     y0 = jnp.stack([x, y, z, vx, vy, vz])
     if not system:
         return Scene(RestrictedThreeBodyInSpace(mu), y0=y0, t1=t1)
+    bodies = ("m1", "m2")
     if not isinstance(system, Pair):
-        system = SYSTEMS[_checks.choice("system", system, list(SYSTEMS))]
+        name = _checks.choice("system", system, list(SYSTEMS))
+        bodies, system = tuple(name.title().split("-")), SYSTEMS[name]
     if _checks.is_traced(mu) or float(mu) != _MOON:
         raise _checks.fail("mu", "none with system=, which has its own", mu, "Leave it out.")
     if not _checks.is_traced(y0) and float(jnp.abs(y0).max()) > _MOST:
@@ -228,7 +241,7 @@ def restricted_three_body_in_space(
         remedy = "scene.starting(y0) takes one in km and km/day."
         raise _checks.fail("y0", wanted, _text.brief(np.asarray(y0)), remedy)
     days = system.time / _DAY
-    made = RestrictedThreeBodyInKilometres(system.mu, system.distance, days)
+    made = RestrictedThreeBodyInKilometres(system.mu, system.distance, days, bodies=bodies)
     return Scene(made, y0=y0 * made.units, t1=t1 * days)
 
 

@@ -13,4 +13,7 @@ a line to ``orbits/__init__.pyi``.
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+import jaxdyn._doors
+
+_listed, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__ = jaxdyn._doors.attribute_getter(__name__, _listed)

@@ -12,6 +12,7 @@ May import: `discovery`, `files`, `manifolds`, `responses`, `sections`, `targets
 To add a picture, write a file with one function, and a line below.
 """
 
+import jaxdyn._doors
 from orbits.drawing.about_centres import loops, rosette
 from orbits.drawing.basin_maps import basin_fractions, basins
 from orbits.drawing.diagrams import diagram
@@ -42,3 +43,5 @@ __all__ = [
     "throws",
     "torus",
 ]
+
+__getattr__ = jaxdyn._doors.attribute_getter(__name__)

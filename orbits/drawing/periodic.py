@@ -1,7 +1,7 @@
 """Pictures of periodic orbits side by side, to one scale, with the velocities at the start."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,12 +9,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from jaxdyn import _checks, simulate
-from jaxdyn.drawing.contents import indices_of, paths
+from jaxdyn.drawing.contents import indices_of, paths, places
 from jaxdyn.drawing.figures import INK, blank, finish, legend_below, mark, path_entries
 from jaxdyn.drawing.panels import (
     apart,
     colours,
     draw_jumps,
+    draw_marks,
     draw_paths,
     draw_starts,
     jumps,
@@ -29,6 +30,7 @@ from jaxdyn.files.output_files import picture_path
 from orbits.closing.sizes import sizes
 from orbits.families.family import first_scene
 from orbits.hybrid.legs import HybridOrbit
+from orbits.orbit import Orbit
 
 _SAMPLES = 600
 _RTOL = 1e-10
@@ -42,7 +44,7 @@ _LINE = 0.22  # [inches] per line of the titles
 
 
 def orbits(
-    found: Sequence,
+    found: Orbit | HybridOrbit | Sequence[Orbit | HybridOrbit],
     path=None,
     titles: Sequence[str] | None = None,
     *,
@@ -55,8 +57,7 @@ def orbits(
     jump at the end of a chain's leg is dashed.
 
     Args:
-      found: chains of legs, or objects with a ``scene``, a start ``y0`` (k,) and a ``period`` ()
-        [s].
+      found: an orbit, or several.
       path: file to write, .png, .pdf or .svg.
       titles: title of each orbit; it may have several lines.
       entries: names of two or three entries of the state to draw, instead of what moves in space or
@@ -64,11 +65,12 @@ def orbits(
       title: title of the figure; by default the scene with the numbers that all orbits share, ""
         for none.
     Raises:
-      ValueError: `found` is not a sequence, is empty or has orbits in different dimensions,
-        `titles` has another length, or `path` cannot be written.
+      ValueError: `found` is empty or has orbits in different dimensions, `titles` has another
+        length, or `path` cannot be written.
       IntegrationError: an orbit cannot be integrated over its period.
     """
     path = picture_path(path)
+    found = list(found) if isinstance(found, Iterable) else [found]
     titles = _check_titles(found, titles)
     motions = [_one_period(orbit) for orbit in found]
     drawn = [paths(motion, entries) for motion in motions]
@@ -77,11 +79,11 @@ def orbits(
             "found", "orbits in one space", "orbits in several", "Draw them separately."
         )
     equal = drawn[0].equal
-    places = np.concatenate([one.xyz.reshape(-1, len(one.labels)) for one in drawn])
-    width = np.ptp(places, axis=0).max()
+    within = np.concatenate([places(one, shapes=False) for one in drawn])
+    width = np.ptp(within, axis=0).max()
     arrows = [_velocities(orbit, width, entries) if equal else None for orbit in found]
     tips = [sum(arrow) for arrow in arrows if arrow is not None]
-    box = limits(np.concatenate([places, *tips]), equal)
+    box = limits(np.concatenate([within, *tips]), equal)
     columns = min(len(drawn), _COLUMNS)
     rows = math.ceil(len(drawn) / columns)
     width, height = _grid(rows, columns, box, equal)
@@ -96,6 +98,7 @@ def orbits(
     for i, (arrow, one, own, jumps_back) in enumerate(each):
         ax = panel(figure, one, box, (rows, columns, i + 1))
         ax.set_title(own, fontsize=10)
+        draw_marks(ax, one)
         draw_paths(ax, one, colours(one))
         draw_starts(ax, one, colours(one))
         if jumps_back:
@@ -145,8 +148,6 @@ def _one_period(orbit, **options):
 
 
 def _check_titles(found: Sequence, titles) -> Sequence[str]:
-    if not isinstance(found, Sequence):
-        raise _checks.fail("found", "orbits", type(found).__name__, "Put one in a list: [orbit].")
     if not found:
         raise _checks.fail("found", "at least one orbit", "none")
     if titles is None:

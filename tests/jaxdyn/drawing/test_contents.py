@@ -310,3 +310,25 @@ def test_chosen_entries_of_a_state_are_drawn():
     for entries in (("a",), ("a", "c"), "ab", ("a", "b", "va", "vb")):
         with pytest.raises(ValueError, match="entries: expected"):
             drawing.trajectory(motion, entries=entries)
+
+
+@pytest.mark.parametrize(
+    ("centre", "radius", "near"),
+    [(-0.01215, 0.02, ["Earth"]), (0.98785, 0.02, ["Moon"]), (0.5, 0.01, []), (0.5, 0.3, 2)],
+)
+def test_bodies_near_the_path_are_drawn_with_their_names(centre, radius, near):
+    near = ["Earth", "Moon"] if near == 2 else near
+    scene = scenes.restricted_three_body_in_space(system="earth-moon")
+    angle = np.linspace(0.0, 6.0, 30)
+    x, y = centre + radius * np.cos(angle), radius * np.sin(angle)
+    ys = np.stack([x, y, 0 * x, 0 * x, 0 * x, 0 * x], axis=1)
+    motion = _motion(scene, 389703.264829278 * ys)
+    drawn = paths(motion)
+    assert [name for name, _ in drawn.marks] == near
+    xs = {"Earth": -0.01215058560962404, "Moon": 1 - 0.01215058560962404}
+    for name, at in drawn.marks:
+        np.testing.assert_allclose(at, [389703.264829278 * xs[name], 0.0, 0.0], rtol=1e-15)
+    for figure in (drawing.trajectory(motion), drawing.projections(motion)):
+        for ax in figure.axes:
+            texts = {text.get_text().strip() for text in ax.texts}
+            assert set(near) <= texts
