@@ -93,7 +93,7 @@ def test_public_names_are_declared_and_nothing_else_is_shown():
         _ = jaxdyn.simulat
     with pytest.raises(AttributeError, match="Did you mean 'stability'"):
         _ = orbits.stabilty
-    with pytest.raises(AttributeError, match="'orbits' has no .* Did you mean 'continue_family'"):
+    with pytest.raises(AttributeError, match=r"'orbits' has no .* Did you mean 'continue_family'"):
         _ = orbits.family
     with pytest.raises(AttributeError, match="Did you mean 'read_csv'"):
         _ = jaxdyn.csv
