@@ -43,12 +43,12 @@ def energy(scene: Scene | Field, t, y: Array) -> Array:
     return _energy(scene, t, y)
 
 
-@jax.jit  # one program, where each operation by itself would be one at its first call
+@jax.jit  # or each operation would be compiled by itself at its first call
 def _energy(scene: Scene | Field, t, y: Array) -> Array:
     return sum(_terms(scene, t, y), jnp.zeros(()))
 
 
-#: What a scene has of energies, in the order of `System.energies`, and their sum.
+#: Names of a scene's energies, in the order of `System.energies`, and of their sum.
 NAMES = ("kinetic", "potential", "total")
 
 

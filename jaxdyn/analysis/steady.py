@@ -33,7 +33,7 @@ from jaxdyn.scene import Field, Scene, check_scene
 
 _MAX_ENTRIES = 40  # entries of a state: the symmetries have its square as unknowns
 # Distance of the samples, relative to the size of the state. Near the state some fields are
-# symmetries but for the square of the distance: for a top in quaternions the equations distinguish
+# symmetries up to the square of the distance: for a top in quaternions the equations distinguish
 # them by 5e-5 of their size, and its frequencies lose four digits (1e-11). At a distance of 1.0 it
 # is 2e-4, and 6e-13, but there an upright disk, whose verdict is open, counts as stable [measured].
 _SAMPLE_DISTANCE = 0.3
@@ -116,7 +116,7 @@ def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
     frames = [_frame(scene.field, t, y, size, (f, a), seed) for seed in (1, 2)]
     (generator, directions), (other, _) = frames
     inside, b = tangent.T @ (a - generator) @ tangent, tangent.T @ directions
-    doubt = np.linalg.norm(tangent.T @ (generator - other) @ tangent, 2)
+    error = np.linalg.norm(tangent.T @ (generator - other) @ tangent, 2)
     same = _range(b)
     beside = _complement(same)
     b = beside.T @ inside @ beside
@@ -124,7 +124,7 @@ def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
     rest = _complement(family)
     if not rest.shape[1]:
         raise _checks.fail("y", "a steady motion with others nearby", "none")
-    reduced = classify(rest.T @ b @ rest, doubt)
+    reduced = classify(rest.T @ b @ rest, error)
     return SteadyMotion(reduced, same.shape[1], family.shape[1])
 
 
