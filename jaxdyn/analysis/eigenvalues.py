@@ -168,7 +168,7 @@ def balance(matrix: np.ndarray) -> np.ndarray:
 
 
 def map_in_units(matrices: np.ndarray, each: np.ndarray) -> np.ndarray:
-    """(..., k, k) linear maps of states, in units (..., k) of their entries."""
+    """(..., k, k) linear maps of states, converted to units (..., k) of their entries."""
     return np.asarray(matrices) * each[..., None, :] / each[..., :, None]
 
 

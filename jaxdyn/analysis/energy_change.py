@@ -27,7 +27,7 @@ from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.plan import plan_of
 from jaxdyn.scene import Effect, Field, Scene
 
-#: Part of the energy's size: a smaller change that the equations imply counts as none.
+#: A change that follows from the equations counts as none below this part of the energy's size.
 _MAX_CHANGE_OF_CONSERVED = 1e-9
 _ROUNDING = 1e-12  # part of the terms of a power: smaller powers are rounding
 _MAX_SAMPLING_ERROR = 0.1  # part of a work: unknown if halving the samples changes it by more

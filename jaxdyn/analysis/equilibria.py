@@ -255,7 +255,7 @@ def _groups(ends: SearchEnds, order: np.ndarray, box: Box) -> list[list[int]]:
 
 
 def _merge(scene: Scene, box: Box, ends: SearchEnds, groups: list[list[int]]) -> list[list[int]]:
-    """Groups merged by the system's own measure, as for angles a whole turn apart."""
+    """Groups merged by the system's measure of differences, as for angles a whole turn apart."""
     if not groups:
         return []
     heads = jnp.asarray(ends.ys[[group[0] for group in groups]])

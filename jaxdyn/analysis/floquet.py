@@ -204,7 +204,7 @@ class _Period(NamedTuple):
 
 
 def _tolerances(rtol: float) -> tuple[Array, Array]:
-    tolerances(rtol, None)  # checked here: inside jit it cannot be
+    tolerances(rtol, None)  # checked here, since it cannot be inside jit
     return jnp.asarray(rtol), jnp.asarray(coarser(rtol))
 
 

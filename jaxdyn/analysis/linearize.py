@@ -139,7 +139,10 @@ def _beyond_conditions(field: Field, t: Array, y: Array, sizes: Array) -> np.nda
 
 @eqx.filter_jit
 def _each_beyond(field: Field, t: Array, y: Array, sizes: Array) -> tuple[Array, Array, Array]:
-    """For each condition: is the state on its surface, the Jacobian beyond, does the rate jump."""
+    """For each condition, whether a state is on its surface, and what holds on its other side.
+
+    This is the Jacobian (k, k) there, and whether the rate jumps.
+    """
     plan = plan_of(field, len(y))
     rate, here = plan.evaluate(field, t, y)
 

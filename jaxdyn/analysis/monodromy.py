@@ -58,7 +58,7 @@ def monodromy(scene: Scene, y0=None, period=None, *, rtol: float = RTOL) -> Arra
       [-1.0, -1.0]
     """
     scene = scene if y0 is None else scene.starting(y0)
-    tolerances(rtol, None)  # checked here: inside jit it cannot be
+    tolerances(rtol, None)  # checked here, since it cannot be inside jit
     return end_and_derivative(scene, scene.t1 if period is None else period, rtol)[1]
 
 
@@ -99,7 +99,7 @@ def symplectic_form(scene: Scene, y0: Array) -> Array | None:
 def form_change(scene: Scene, t, y: Array, each: np.ndarray) -> float:
     """How fast the `symplectic_form` changes along the flow: 0 for symplectic maps, else up to 1.
 
-    It is its largest entry on tangents of the constraint surface, in sizes `each` (k,)
+    It is the largest entry of its rate on tangents of the constraint surface, in sizes `each` (k,)
     of the entries, over the largest of its terms; NaN where there are no canonical coordinates.
     """
     if symplectic_form(scene, y) is None:

@@ -1,7 +1,7 @@
 """Stability of steady motions: precession, rolling round a circle, relative equilibria.
 
 A motion is steady if it follows a symmetry of the scene: y(t) = exp(t xi) y(0), as a shift of
-angles or places does, or a turn about an axis. In a frame that moves along it is at rest, and
+angles or places does, or a turn about an axis. In a frame that moves along, it is at rest, and
 near it
 
     dx/dt = B x,    B = Df(y) - Dxi(y),    xi(y) = f(y).
@@ -39,8 +39,8 @@ _MAX_ENTRIES = 40  # entries of a state: the symmetries have its square as unkno
 _SAMPLE_DISTANCE = 0.3
 _MAX_SYMMETRY_DEFECT = 1e-10  # relative: residual of Df xi - M f at the samples, for a symmetry
 _MAX_RATE_LEFT = 1e-8  # relative: part of the rate of a steady motion outside the symmetries
-_MAX_GROWTH = 1e-6  # relative to Df: real part of the eigenvalues of a norm-preserving symmetry
-_RANK_TOLERANCE = 1e-8  # relative: singular value of a direction to another steady motion
+_MAX_GROWTH = 1e-6  # relative to Df: largest real part of eigenvalues of a norm-preserving symmetry
+_RANK_TOLERANCE = 1e-8  # relative: largest singular value of a direction to another steady motion
 
 
 @dataclasses.dataclass(frozen=True)
@@ -152,7 +152,7 @@ def _linearizations(field: Field, t: Array, y: Array, size: Array, zs: Array) ->
 
 
 def _frame(field: Field, t: Array, y: Array, size: Array, now: tuple, seed: int) -> tuple:
-    """(k, k) derivative of the symmetry that carries the motion, and (k, g) all directions."""
+    """(k, k) derivative of the symmetry that the motion follows, and (k, g) directions of all."""
     f, a = now
     c, m = _symmetries(field, t, y, size, seed)
     weights = np.linalg.lstsq(c.T, f, rcond=_MAX_SYMMETRY_DEFECT)[0]

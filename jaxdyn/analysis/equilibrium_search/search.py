@@ -21,7 +21,8 @@ _DAMPING = 1e-3  # initial damping, relative to the largest entry of J^T J
 _LESS, _MORE = 0.2, 5.0  # factors of the damping after a successful step, and after a failed one
 #: Number of the Newton steps that follow, and their largest length as a part of the box.
 _NEWTON_STEPS, _LONGEST = 20, 0.25
-_CONVERGED = 1e-10  # largest last Newton step, part of the box, and rate, part of its change
+#: Largest last Newton step, as a part of the box; largest rate, as a part of its change over it.
+_CONVERGED = 1e-10
 #: Smallest singular value of the Jacobian of an isolated zero, relative to its usual size.
 _MIN_SINGULAR_VALUE = 1e-9
 _FAR, _NEAR = 1e-4, 1e-6  # parts of the box: distances at which rates are compared to see a jump
