@@ -225,7 +225,7 @@ class Chart(abc.ABC, Generic[Member]):
         return None if isinstance(new, str) else new
 
     def at_end(self, a: Member, b: Member, share: float, resolution: float | None = None) -> bool:
-        """Whether the position at a fraction of the way between two members is that of a member."""
+        """Whether the position at a fraction of the way from one to another is that of an end."""
         size = 1.0 + np.linalg.norm(self.place(a).x[self.measured])
         least = (resolution or self.resolution) * size
         return not min(share, 1 - share) * abs(self.along(a, b)) > least

@@ -30,7 +30,7 @@ OTHER = "The file was edited or damaged, or its scenes are others."
 #: The kinds of walks of this package.
 WHATS = EQUILIBRIA, CURVE = "equilibria", "curve"
 _MIXED = "Two programs wrote it at the same time. Begin another one."
-_PATIENCE = 1.0  # [s] wait for another program, which usually writes a file for longer
+_PATIENCE = 1.0  # [s] to wait for another program; one that writes a file usually takes longer
 _SAME = 1e-8  # relative distance below which two first members are the same
 
 

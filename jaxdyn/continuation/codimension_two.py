@@ -34,8 +34,8 @@ from jaxdyn.scales import Groups
 
 #: Largest test at a special point. At a pole, where a test changes sign as well, it is large.
 GOAL = 1e-10
-_NOTHING = 1e-13  # a smaller test counts as 0, as where it vanishes in all conservative scenes
-_SHORT = 0.98  # tests are searched up to this part of the way to a final Bogdanov-Takens point
+_NOTHING = 1e-13  # a smaller test counts as 0: in conservative scenes some vanish everywhere
+_SHORT = 0.98  # part of the way to a final Bogdanov-Takens point on which others are searched
 
 Tests = dict[CodimensionTwo, float]
 

@@ -44,11 +44,13 @@ from jaxdyn.formulations.extended import innermost
 from jaxdyn.scales import Groups, groups
 from jaxdyn.scene import Scene, check_scene
 
-_DEPENDENT = 1e-10  # ratio of the smallest to the largest singular value of dependent equations
+_DEPENDENT = 1e-10  # largest ratio of least to largest singular value of dependent equations
 _SAME_PARAMETER = 1e-6  # largest relative distance of a fold at the start from its parameter
 _LOST = "no equilibrium was found beyond: a singularity of the rate, or a branch point"
 _LATER = (0.0, 0.37, 1.3)  # times of the test for forcing, in the time of motions nearby
-_SAME_RATE = 1e-12  # rounding: a change of a rate with time, relative to that with the state
+_SAME_RATE = (
+    1e-12  # largest change of a rate with time by rounding, relative to that with the state
+)
 _ASIDE = 0.1  # distance from the start, as a part of the sizes, for the same test
 
 

@@ -77,7 +77,7 @@ def special_points(
 
 
 def _hidden(passed: list[Kind], a: Equilibrium, b: Equilibrium) -> Kind | None:
-    """The kind of two or more points between two neighbours that no sign shows, if any."""
+    """The kind of two or more points between neighbours that no change of sign shows, or None."""
     (real_a, pairs_a), (real_b, pairs_b) = _count_growing(a), _count_growing(b)
     real, pairs = abs(real_b - real_a), abs(pairs_b - pairs_a)
     hopf = passed.count(Kind.HOPF)
@@ -90,7 +90,7 @@ def _hidden(passed: list[Kind], a: Equilibrium, b: Equilibrium) -> Kind | None:
 
 
 def _double(kind: Kind, point: Equilibrium) -> Equilibrium:
-    """The point where two or more cross at once, as they may where the scene is symmetric."""
+    """The point where two or more eigenvalues cross at once, as they may by symmetry."""
     values = point.eigenvalues.values
     nearest = values[np.argmin(np.abs(values.real))]
     frequency = float(abs(nearest.imag)) if kind == Kind.HOPF else math.nan
