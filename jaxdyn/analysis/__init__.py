@@ -5,10 +5,10 @@ and `constraints` (tensions, reactions, rank); `regularized` and `approaches` fo
 encounters. At a state, `elements` has the Keplerian elements of an orbit, and `free_body` all
 forces on each body. `going_on` has rates and forces where friction holds a body. Stability is the
 subject of `linearize`, `steady` (steady motions), `floquet` (driven scenes) and `precession`;
-`eigenvalues` decides it, for orbits from the `monodromy` matrix, and `energy_extremum` at centres.
+`eigenvalues` decides it (for orbits, from the `monodromy` matrix), at centres `energy_extremum`.
 `equilibria` finds equilibria; the folder `equilibrium_search` searches for them and proves that
-there are no others. `scales_at_rest` has the sizes and the time in which motions near an
-equilibrium are measured, `_roots` zeros of functions of one variable, each in its bracket.
+there are no others. `scales_at_rest` has the scales of the entries and of time near an equilibrium;
+`_roots` finds zeros of functions of one variable, each in its bracket.
 
 May import: `integrate`, `formulations`, `ball_arithmetic`.
 

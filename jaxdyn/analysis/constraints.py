@@ -57,7 +57,7 @@ def multipliers(motion: Trajectory) -> Array:
 @check_first
 @each_motion
 def tensions(motion: Trajectory) -> dict[str, Array]:
-    """(s,) tension of each rod along a motion [N], by its name; negative where it pushes.
+    """(s,) tension of each rod along a motion [N], by its name; negative where the rod pushes.
 
     Args:
       motion: a motion of a scene whose constraints are rods' lengths, in a constrained formulation.

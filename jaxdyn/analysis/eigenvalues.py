@@ -8,28 +8,28 @@ eigenvalues cond is infinite; Elsner's bound
 
 holds there too, and is taken where it is smaller. (All norms of matrices are 2-norms.)
 
-Where other eigenvalues have parallel vectors, the condition number of a simple one does not follow
-from all vectors. With its own vector first in an orthonormal basis, the matrix is
-[[value, h], [0, B]], and E moves the eigenvalue by at most
+Where other eigenvalues have parallel eigenvectors, the matrix of eigenvectors is singular and does
+not give the condition number of a simple one. In an orthonormal basis that begins with its own
+eigenvector, the matrix is [[value, h], [0, B]], and E moves the eigenvalue by at most
 
     |E| (1 + 2 (|h| + |E|) / d),    d = sep - 2 |E|,
 
 with sep the least singular value of B - value, if |E| (|h| + |E|) < d^2 / 4.
 
-A bar is that bound for an error of `ERROR_SAFETY` times the one stated, which includes rounding. A
-verdict is "undecided" wherever a bar does not settle it.
+An error bar is that bound for `ERROR_SAFETY` times the stated error, to which rounding is added. A
+verdict is "undecided" wherever the bars leave it open.
 
-An error that is known better than by its norm moves eigenvalues less, by orders of magnitude where
-they nearly coincide. Let L and R be the left and right vectors. In that basis, L A R, the matrix is
-diagonal, and its error F = L E R. By Gershgorin's theorem, with row i divided and column i
+If more is known of an error than its norm, the bound is smaller, by orders of magnitude where
+eigenvalues nearly coincide. Let L and R be the matrices of left and right eigenvectors. L A R is
+diagonal, and its error is F = L E R. By Gershgorin's theorem, with row i divided and column i
 multiplied by s, one eigenvalue of A + E is within
 
     |F_ii| + sum_j |F_ij| / s
 
-of eigenvalue i, if that disc meets no other. The number s is chosen so that the others take half of
-the room between them. Entry by entry, F is bounded by the largest of several changes of A under
-looser tolerances, times `_SAFETY_ENTRIES`, plus what these do not show: rounding, and a part of the
-error's norm.
+of eigenvalue i, if that disc meets no other. The number s is the largest for which the growth of
+the other discs, s |F_ji|, takes at most half of the gap between them and disc i. Entry by entry, F
+is bounded by the largest of several changes of A under looser tolerances, times `_SAFETY_ENTRIES`,
+plus what these changes do not show: rounding, and a part of the norm of the error.
 
 Reference: Stewart, Sun (1990), Matrix Perturbation Theory, chapters IV and V.1 (Gershgorin); Elsner
 (1985), Linear Algebra Appl. 71, 77.
@@ -42,14 +42,14 @@ import numpy as np
 
 from jaxdyn._checks import check_first
 
-#: Safety factor on the estimated error, which is only an order of magnitude.
+#: Safety factor on an estimated error, of which only the order of magnitude is known.
 ERROR_SAFETY = 3.0
-#: Likewise for each entry of an error, since one may vanish by chance. Of the multipliers of 17
-#: orbits of three bodies at four tolerances, 272 numbers, no bar was below the error (against 80
-#: and 113 bits); with a factor of 3 two were.
+#: Safety factor on each entry of an error, larger since one may vanish by chance. With it, no bar
+#: was below the true error (from 80 and 113 bits) of 272 multipliers, those of 17 orbits of three
+#: bodies at four tolerances; with a factor of 3 two were.
 _SAFETY_ENTRIES = 10.0
-#: Error of a matrix by rounding, relative to its norm. Jacobians of the ready-made scenes, in
-#: forward and reverse mode, differ by up to 3 units of rounding (measured).
+#: Rounding error of a matrix, relative to its norm. Jacobians of the ready-made scenes in forward
+#: and in reverse mode differ by up to 3 units of rounding (measured).
 ROUNDING = 4 * np.finfo(float).eps
 #: Multipliers whose absolute values agree to this many places are ordered by their angle.
 _PLACES = 9
@@ -77,8 +77,9 @@ def eigenvalues(matrix, error=0.0, changes=None, unseen=0.0) -> Eigenvalues:
     Args:
       matrix: (..., k, k) finite matrices.
       error: (...) norm of the error besides rounding.
-      changes: (s, ..., k, k) changes of the matrix, each no smaller than its error, if known.
-      unseen: (...) norm of what changes do not show, besides rounding.
+      changes: (s, ..., k, k) changes of the matrix under looser tolerances, which are at least as
+        large as its error, if known.
+      unseen: (...) norm of the error that `changes` do not show, besides rounding.
     Returns:
       The eigenvalues in no particular order; see `rate_eigenvalues` and `map_eigenvalues`.
     """
@@ -88,43 +89,45 @@ def eigenvalues(matrix, error=0.0, changes=None, unseen=0.0) -> Eigenvalues:
         return Eigenvalues(np.zeros(matrix.shape[:-1], complex), np.zeros(matrix.shape[:-1]))
     values, right = np.linalg.eig(matrix)
     size = norm(matrix)
-    wrong = np.asarray(ERROR_SAFETY * (ROUNDING * size + error))[..., None]
-    elsner = (2 * size[..., None]) ** (1 - 1 / k) * wrong ** (1 / k)
+    error_bound = np.asarray(ERROR_SAFETY * (ROUNDING * size + error))[..., None]
+    elsner = (2 * size[..., None]) ** (1 - 1 / k) * error_bound ** (1 / k)
     u, s, vh = np.linalg.svd(right)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         left = (_adjoint(vh) / s[..., None, :]) @ _adjoint(u)
         condition = np.linalg.norm(left, axis=-1) * np.linalg.norm(right, axis=-2)
         # It is infinite or NaN for parallel eigenvectors.
-        bars = np.fmin(condition * wrong, elsner)
+        bars = np.fmin(condition * error_bound, elsner)
         for place in zip(*np.nonzero(bars == elsner), strict=True):
             *which, i = place
             vector, value = right[(*which, slice(None), i)], values[place]
-            apart = _move_alone(matrix[tuple(which)], value, vector, float(wrong[(*which, 0)]))
+            apart = _bound_by_separation(
+                matrix[tuple(which)], value, vector, float(error_bound[(*which, 0)])
+            )
             bars[place] = np.fmin(bars[place], apart)
         if changes is not None:
-            moved = np.abs(left @ np.asarray(changes) @ right).max(axis=0)
-            least = (ERROR_SAFETY * (ROUNDING * size + unseen))[..., None, None]
-            lengths = [np.linalg.norm(x, axis=axis) for x, axis in ((left, -1), (right, -2))]
-            unsure = least * lengths[0][..., :, None] * lengths[1][..., None, :]
-            bars = np.fmin(bars, _radii(values, _SAFETY_ENTRIES * moved + unsure))
+            shown = np.abs(left @ np.asarray(changes) @ right).max(axis=0)
+            hidden = (ERROR_SAFETY * (ROUNDING * size + unseen))[..., None, None]
+            norms = [np.linalg.norm(x, axis=axis) for x, axis in ((left, -1), (right, -2))]
+            hidden_entries = hidden * norms[0][..., :, None] * norms[1][..., None, :]
+            bars = np.fmin(bars, _radii(values, _SAFETY_ENTRIES * shown + hidden_entries))
     return Eigenvalues(values.astype(complex), bars)
 
 
-def _move_alone(a: np.ndarray, value: complex, vector: np.ndarray, error: float) -> float:
-    """How far a simple eigenvalue moves, from the part of the matrix beside it; NaN if unknown."""
+def _bound_by_separation(a: np.ndarray, value: complex, vector: np.ndarray, error: float) -> float:
+    """Bound on the shift of a simple eigenvalue, from its distance to others; NaN if it fails."""
     basis = np.linalg.qr(np.column_stack([vector, np.eye(len(a))]))[0]
     x, others = basis[:, 0], basis[:, 1:]
-    beside = others.conj().T @ a @ others
-    above = np.linalg.norm(x.conj() @ a @ others) + error
-    shifted = beside - value * np.eye(len(beside))
+    rest = others.conj().T @ a @ others
+    coupling = np.linalg.norm(x.conj() @ a @ others) + error
+    shifted = rest - value * np.eye(len(rest))
     room = np.linalg.svd(shifted, compute_uv=False).min(initial=np.inf) - 2 * error
-    if not room > 0 or error * above >= room**2 / 4:
+    if not room > 0 or error * coupling >= room**2 / 4:
         return np.nan
-    return error * (1 + 2 * above / room)
+    return error * (1 + 2 * coupling / room)
 
 
 def _radii(values: np.ndarray, error: np.ndarray) -> np.ndarray:
-    """(..., k) how far each eigenvalue of a diagonal matrix moves; infinite if it meets another.
+    """(..., k) Gershgorin radii of a diagonal matrix with an error; infinite where two discs meet.
 
     Args:
       values: (..., k) the diagonal.
@@ -138,7 +141,7 @@ def _radii(values: np.ndarray, error: np.ndarray) -> np.ndarray:
         gaps = np.abs(values[..., others] - values[..., i, None])
         across, back = error[..., i, others].sum(axis=-1), error[..., others, i]
         rest = error[..., others, :].sum(axis=-1) - back
-        # Half of the room between the discs for each of the two.
+        # Each of the two discs may take half of the gap between them.
         room = (gaps - rest - own[..., i, None]) / 2
         s = (room / np.maximum(back, np.finfo(float).tiny)).min(axis=-1, initial=np.inf)
         spread = np.where(across > 0, across / s, 0.0)
@@ -148,12 +151,12 @@ def _radii(values: np.ndarray, error: np.ndarray) -> np.ndarray:
 
 
 def balance(matrix: np.ndarray) -> np.ndarray:
-    """(..., k) units d of entries in which no entry of a matrix (..., k, k) is large.
+    """(..., k) units d of the entries of x in which no entry of a matrix A (..., k, k) is large.
 
     Large means larger than the spectral radius r of |A|, which no units change: d_i is the largest
     product of entries of |A| / r along a path from i, so |A_ij| d_j <= r d_i. Eigenvalues are the
-    same in any units, but the errors that rounding makes in them, which are relative to the largest
-    entry, are small only in these. The units are powers of 2, by which nothing is rounded.
+    same in any units, but their rounding errors, which are relative to the largest entry, are small
+    only in these. The units are powers of 2, so that scaling rounds nothing.
     """
     size = np.abs(np.asarray(matrix, float))
     radius = np.abs(np.linalg.eigvals(size)).max(axis=-1, initial=0.0)[..., None, None]
@@ -165,7 +168,7 @@ def balance(matrix: np.ndarray) -> np.ndarray:
 
 
 def map_in_units(matrices: np.ndarray, each: np.ndarray) -> np.ndarray:
-    """(..., k, k) linear maps of states, in units (..., k) of their entries."""
+    """(..., k, k) linear maps of states, converted to units (..., k) of their entries."""
     return np.asarray(matrices) * each[..., None, :] / each[..., :, None]
 
 
@@ -174,7 +177,8 @@ def rate_eigenvalues(jacobian, error=None) -> Eigenvalues:
 
     Args:
       jacobian: (..., k, k) A, in any units of the entries of x.
-      error: (...) norm of its error besides rounding; if given, the entries of x have one unit.
+      error: (...) norm of its error besides rounding; if given, A is not rescaled: all entries of
+        x should be in one unit.
     """
     if error is None:
         found = eigenvalues(map_in_units(jacobian, balance(jacobian)))
@@ -227,10 +231,10 @@ def map_verdict(found: Eigenvalues, conservative) -> np.ndarray:
 
 
 def bound_by_product(found: Eigenvalues, log_product: float, error: float = 0.0) -> Eigenvalues:
-    """The eigenvalues (k,), with the least certain one from the others and the product of all.
+    """The eigenvalues (k,), the least certain one recomputed from the others and the determinant.
 
-    It is the product of all divided by that of the others, if their bars are smaller than they are:
-    for a map whose eigenvalues differ by more than rounding, the smallest would be noise.
+    It is the determinant over the product of the others, if each of these is larger than its bar.
+    Without this, the smallest would be noise where eigenvalues differ by more than 16 digits.
 
     Args:
       found: the eigenvalues.
@@ -257,10 +261,10 @@ def bound_by_product(found: Eigenvalues, log_product: float, error: float = 0.0)
 
 
 def pair_reciprocals(found: Eigenvalues) -> Eigenvalues:
-    """The eigenvalues (k,) of a symplectic map, with bars at least as wide as their pairing shows.
+    """The eigenvalues (k,) of a symplectic map, with bars widened to the error of their pairing.
 
-    Each eigenvalue z has a partner w with z conj(w) = 1; both are wrong by the deviation from that.
-    A pair that is alone is its own image: a deviation of its absolute value from 1 is an error.
+    Each eigenvalue z has a partner w with z conj(w) = 1; the deviation from that is an error of the
+    two. One on the unit circle is its own partner: its deviation from the circle is an error.
     """
     values, bars = found
     off = np.abs(values[:, None] * np.conj(values) - 1)
@@ -286,7 +290,7 @@ def norm(matrix: np.ndarray) -> np.ndarray:
 
 
 def with_bars(values: Any, bars: Any) -> str:
-    """Numbers with their error bars, in the digits that these leave, at most twelve.
+    """Numbers with their error bars, with the digits that the bars leave, at most twelve.
 
     Example:
       >>> with_bars([0.123456789], [2e-4]), with_bars([1 + 2j], [1e-9])

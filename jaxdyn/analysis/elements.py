@@ -23,7 +23,7 @@ class OrbitalElements(NamedTuple):
       a: semi-major axis, in the unit of positions; negative for a hyperbola, infinite for a
         parabola.
       e: eccentricity.
-      inclination: angle of the orbit's plane to the plane xy, from 0 to pi [rad].
+      inclination: angle between the orbital plane and the plane xy, from 0 to pi [rad].
       node: longitude of the ascending node, from 0 to 2 pi [rad].
       pericentre: argument of the pericentre, from 0 to 2 pi [rad].
       anomaly: true anomaly, from 0 to 2 pi [rad].
@@ -45,7 +45,7 @@ def orbital_elements(r, v, mu) -> OrbitalElements:
 
     Units are any that agree. In a plane orbit without a node, of inclination 0 or pi, the node is 0
     and the pericentre is counted from the x axis; on a circle the pericentre is 0, and the anomaly
-    is counted from the node. Both leave the other elements as they are.
+    is counted from the node. The other elements do not depend on these conventions.
 
     Args:
       r: (..., 3) position relative to the attracting body [m]; or (..., 2) in the plane xy.
@@ -68,21 +68,21 @@ def orbital_elements(r, v, mu) -> OrbitalElements:
     mu = jnp.broadcast_to(jnp.asarray(mu, float), r.shape[:-1])
     distance, h = safe_norm(r), jnp.cross(r, v)
     a = 1 / (2 / distance - jnp.sum(v * v, axis=-1) / mu)
-    towards = jnp.cross(v, h) / mu[..., None] - r / distance[..., None]  # the pericentre, times e
-    # It points along the ascending node, in the plane along x.
+    to_pericentre = jnp.cross(v, h) / mu[..., None] - r / distance[..., None]  # its length is e
+    # `along` points to the ascending node; where there is none, along x.
     flat = (h[..., 0] == 0) & (h[..., 1] == 0)
     along = jnp.stack([-h[..., 1], h[..., 0], jnp.zeros_like(flat, float)], axis=-1)
     along = jnp.where(flat[..., None], jnp.zeros_like(h).at[..., 0].set(1.0), along)
     across = jnp.cross(h / safe_norm(h)[..., None], along)
 
     def angle(x):
-        """From the node in the sense of the motion; 0 for no vector."""
+        """The angle from the node in the sense of the motion; 0 for a vector of 0."""
         return jnp.arctan2(jnp.sum(x * across, axis=-1), jnp.sum(x * along, axis=-1))
 
-    pericentre = angle(towards)
+    pericentre = angle(to_pericentre)
     return OrbitalElements(
         a=a,
-        e=safe_norm(towards),
+        e=safe_norm(to_pericentre),
         inclination=jnp.arctan2(safe_norm(h[..., :2]), h[..., 2]),
         node=_turn(jnp.arctan2(along[..., 1], along[..., 0])),
         pericentre=_turn(pericentre),

@@ -43,12 +43,12 @@ def energy(scene: Scene | Field, t, y: Array) -> Array:
     return _energy(scene, t, y)
 
 
-@jax.jit  # one program, where each operation by itself would be one at its first call
+@jax.jit  # or each operation would be compiled by itself at its first call
 def _energy(scene: Scene | Field, t, y: Array) -> Array:
     return sum(_terms(scene, t, y), jnp.zeros(()))
 
 
-#: What a scene has of energies, in the order of `System.energies`, and their sum.
+#: Names of a scene's energies, in the order of `System.energies`, and of their sum.
 NAMES = ("kinetic", "potential", "total")
 
 
@@ -56,7 +56,7 @@ NAMES = ("kinetic", "potential", "total")
 def energies(scene: Scene | Field, t, y: Array) -> dict[str, Array]:
     """Energies () [J] by name: "kinetic", "potential" and "total", or only the total one.
 
-    It is only the total one where the system defines an energy without saying what is kinetic.
+    There is only the total one where the system defines an energy without its kinetic part.
 
     Raises:
       ValueError: the scene has no energy.
@@ -150,8 +150,8 @@ def _along(motion: Trajectory, quantity) -> Any:
 def drift(motion: Trajectory, of: str = "energy") -> Array:
     """Largest relative change of the energy, or of another integral, along a motion () [1].
 
-    It is max_i |E(t_i) - E(t_0)| over its size, max_i (|T(t_i)| + |V(t_i)|), and rightly large with
-    effects without a potential, such as drag. A quantity I whose terms are not known has the
+    It is max_i |E(t_i) - E(t_0)| over its size, max_i (|T(t_i)| + |V(t_i)|), and is rightly large
+    with effects without a potential, such as drag. A quantity I whose terms are not known has the
     size max_i (|I| + sum over the state's entries of |dI/dy_j (y_j(t_i) - y_j(t_0))|), the terms
     of its change. For a batch it is (b,).
 

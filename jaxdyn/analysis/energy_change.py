@@ -3,7 +3,7 @@
 Each effect adds its power and the rate of its own potential to dE/dt: nothing, where the force is
 minus the gradient of that potential. The remainder of dE/dt is due to the system itself: a
 prescribed motion drives it, its contacts rub, or its constraints have drifted. Where all of this
-vanishes, a change of the energy is the integrator's error. Between two pieces it is an impact.
+vanishes, a change of the energy is the integrator's error. A jump between pieces is an impact.
 """
 
 import itertools
@@ -27,7 +27,7 @@ from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.plan import plan_of
 from jaxdyn.scene import Effect, Field, Scene
 
-#: Part of the energy's size below which a change by the equations counts as none.
+#: A change that follows from the equations counts as none below this part of the energy's size.
 _MAX_CHANGE_OF_CONSERVED = 1e-9
 _ROUNDING = 1e-12  # part of the terms of a power: smaller powers are rounding
 _MAX_SAMPLING_ERROR = 0.1  # part of a work: unknown if halving the samples changes it by more
@@ -40,9 +40,9 @@ class EnergyChange(NamedTuple):
       size: the largest change [1], see `energy.drift`.
       causes: what changes it: classes of effects, phases, "impacts", "the drive", "drift of the
         constraints"; none where it is conserved up to the integrator's error.
-      works: the energy [1] that each of them adds, relative as the size is; NaN where the
-        samples are too few.
-      without_potential: the causes without a potential: the energy includes none for them.
+      works: energy that each cause adds, relative as `size` is [1]; NaN where the samples are too
+        few.
+      without_potential: causes that define no potential, so that the energy includes none of them.
     """
 
     size: float
@@ -94,13 +94,13 @@ def energy_change(motion: Trajectory | HybridTrajectory) -> EnergyChange | None:
     jumps = [two[0] - one[-1] for one, two in itertools.pairwise(totals)]
     if any(abs(jump) > _MAX_CHANGE_OF_CONSERVED * size for jump in jumps):
         works["impacts"] = sum(jumps) / size
-    silent = {
+    without = {
         type(effect).__name__
         for piece in pieces
         for effect in piece.scene.effects
         if not _has_potential(piece.scene, effect)
     }
-    unknown = tuple(cause for cause in works if cause in silent)
+    unknown = tuple(cause for cause in works if cause in without)
     return EnergyChange(
         size=float(change),
         causes=tuple(works),
@@ -110,7 +110,7 @@ def energy_change(motion: Trajectory | HybridTrajectory) -> EnergyChange | None:
 
 
 def _works(piece: Trajectory, phase: str, change: float, size: float) -> dict[str, float]:
-    """The work of each cause in a piece, by its equations."""
+    """The work of each cause in a piece, from the equations of motion."""
     found = jax.tree.map(np.asarray, _measure(piece))
     ts = np.asarray(piece.ts)
 
@@ -131,7 +131,7 @@ def _works(piece: Trajectory, phase: str, change: float, size: float) -> dict[st
 
 
 def _by_itself(piece: Trajectory) -> str:
-    # Its derivative by time would not show a step.
+    # The derivative with respect to time would not show a drive by steps.
     if plan_of(Field(piece.scene.system, ()), len(piece.scene.y0)).depends_on_time:
         return "the drive"
     bound = piece.scene.system.undetermined(piece.ts[0], piece.ys[0]) is not None
@@ -145,13 +145,13 @@ def _has_potential(scene: Scene, effect: Effect) -> bool:
 
 
 def _integral(ts: np.ndarray, f: np.ndarray, slope: np.ndarray) -> float:
-    """The integral of a function by its values and slopes; NaN where samples are too few."""
+    """The integral of a function from its values and slopes; NaN where samples are too few."""
 
     def hermite(ts, f, slope):
         h = np.diff(ts)
         return np.sum(h * (f[1:] + f[:-1]) / 2 - h * h * np.diff(slope) / 12)
 
-    # It is found again from every other sample and the last one.
+    # Its difference from the integral over every other sample shows the error.
     half = np.unique([*range(0, len(ts), 2), len(ts) - 1])
     fine, coarse = hermite(ts, f, slope), hermite(ts[half], f[half], slope[half])
     return fine if abs(fine - coarse) <= _MAX_SAMPLING_ERROR * abs(fine) else np.nan
@@ -169,7 +169,7 @@ class _Kind(NamedTuple):
 
 class _Measured(NamedTuple):
     kinds: dict[str, _Kind]
-    rest: Array  # (s,) the part of dE/dt of no effect [W]
+    rest: Array  # (s,) the part of dE/dt that no effect causes [W]
     terms: Array  # (s,) magnitude of its terms [W]
 
 
@@ -206,7 +206,7 @@ def _measure(motion: Trajectory) -> _Measured:
 def _kind(
     scene: Scene, effect: Effect, t: Array, y: Array, flow: tuple[Array, Array], power: Callable
 ) -> _Kind:
-    """One effect at a time and state that change by `flow`; `power` is as `power_of`."""
+    """One effect at a time and state whose rate of change is `flow`; `power` is like `power_of`."""
 
     def potential(t, y):
         r, _, m = scene.system.points(t, y)

@@ -15,12 +15,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-#: The least eigenvalue of the Hessian of the energy that is not 0 by rounding, and the largest
-#: slope of the energy at an equilibrium; both where its diagonal is 1.
+#: Least eigenvalue of the energy's Hessian that counts as nonzero, and largest slope of the energy
+#: that counts as zero; both in units in which the Hessian has the diagonal 1.
 _LEAST, _FLAT = 1e-8, 1e-6
-#: Largest change of a conserved energy, relative to its terms.
+#: Largest rate of an energy that counts as conserved, relative to the terms of that rate.
 _CONSERVED = 1e-9
-#: Displacements, in sizes of the entries, and times at which the change is evaluated.
+#: Random displacements at which that rate is evaluated: their size, in sizes of the entries, and
+#: their number.
 _ASIDE, _PLACES = 0.2, 8
 
 
@@ -42,7 +43,7 @@ def is_extremum_of_energy(field: Any, t: Array, y: Array, each: Array, time: Arr
         return jnp.stack(field.energies(t, y + each * x)).sum()
 
     def change(t, x):
-        """The rate of the energy at a displacement, relative to its terms."""
+        """The absolute rate of the energy at a displacement, and the size of its terms."""
         by_time, slope = jax.grad(energy, argnums=(0, 1))(t, x)
         parts = jnp.append(slope * field.rate(t, y + each * x) / each, by_time)
         return jnp.abs(parts.sum()), jnp.abs(parts).sum()
@@ -50,14 +51,14 @@ def is_extremum_of_energy(field: Any, t: Array, y: Array, each: Array, time: Arr
     zero, random = jnp.zeros_like(y), np.random.default_rng(0)
     aside = _ASIDE * random.standard_normal((_PLACES, y.shape[0]))
     times = t + time * random.uniform(0.0, 10.0, _PLACES)
-    off, terms = jax.vmap(change)(times, jnp.asarray(aside))
+    rates, terms = jax.vmap(change)(times, jnp.asarray(aside))
     hessian, slope = jax.hessian(energy, argnums=1)(t, zero), jax.grad(energy, argnums=1)(t, zero)
     scale = jnp.sqrt(jnp.abs(jnp.diagonal(hessian)))
     scale = jnp.where(scale > 0, scale, 1.0)
     values = jnp.linalg.eigvalsh(hessian / (scale[None] * scale[:, None]))
     is_flat = (jnp.abs(slope) <= _FLAT * scale**2).all()
     return (
-        (off <= _CONSERVED * terms).all()
+        (rates <= _CONSERVED * terms).all()
         & is_flat
         & ((values > _LEAST).all() | (values < -_LEAST).all())
     )

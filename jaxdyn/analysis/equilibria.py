@@ -2,7 +2,7 @@
 
 An equilibrium is a state with rate(y) = 0 that satisfies the constraints. Interval bisection
 (`equilibrium_search.completeness`) proves where in the box there is exactly one and where there is
-none; a search (`equilibrium_search.search`) starts from there and from the points of a
+none; a search (`equilibrium_search.search`) starts from the former places and from the points of a
 low-discrepancy grid. Duplicates are dropped, and the two results are compared:
 `Equilibria.complete` says whether the list is proved to be complete, `Equilibria.certainty` why, or
 why not.
@@ -40,11 +40,11 @@ _MERGE_DISTANCE = 1e-6  # part of the box: equilibria nearer than this are merge
 _STEP_ALONG_CURVE = 1e-3
 _NEWTON_STEPS = 30  # steps of Newton's method to an equilibrium
 _POLISHING_STEPS = 2  # further steps: they make derivatives correct up to the third
-#: Largest size of the last of these steps, in parts of the entries' sizes. At a singular Jacobian
-#: each step is half as long as the one before.
+#: Largest size of the last of these steps, relative to the sizes of the entries. At a singular
+#: Jacobian it is larger, since each step is half as long as the one before.
 _MAX_LAST_STEP = 1e-10
 _SQUARINGS = 4  # of |A|, for its spectral radius
-_SINGULAR = 1e-12  # 1 over the condition number of a Jacobian that has no inverse
+_SINGULAR = 1e-12  # reciprocal condition number of a Jacobian that counts as singular
 
 
 @dataclasses.dataclass(frozen=True)
@@ -119,7 +119,7 @@ def equilibria(
     Limits: completeness can be proved for rates made of elementary formulas, without
       constraints, with about four unknowns at most. A point at which the rate is 0 but
       discontinuous is not an equilibrium; `certainty` names it. Dry friction holds a body at rest
-      in whole intervals of states, of which none is listed but where no friction is needed.
+      in whole intervals of states; only those that need no friction are listed.
       Angles are taken modulo a turn.
     Example:
       >>> from jaxdyn.scenes.springs import two_springs
@@ -160,7 +160,7 @@ def _prove(scene: Scene, t: float, box: Box) -> EquilibriaProof:
             f"{type(scene.system).__name__}, whose states satisfy some",
             "Leave prove out.",
         )
-    # Python-flint, which it needs, is optional.
+    # Imported here, since it needs python-flint, which is optional.
     from jaxdyn.analysis.equilibrium_search.proving import prove
 
     return prove(scene, t, box)
@@ -206,7 +206,7 @@ def _equilibrium(field: Field, y: Array, t: Array) -> Array:
     for _ in range(_POLISHING_STEPS - 1):
         y, step, a = newton(y)
     a, step, end = jax.lax.stop_gradient((a, step, y))
-    # What rounding relative to each entry makes of a solution; no trace of it depends on units.
+    # |A^-1| |A| bounds the effect of relative errors; its trace does not depend on units.
     spread = jnp.abs(jnp.linalg.inv(a)) @ jnp.abs(a)
     regular = jnp.trace(spread) * _SINGULAR < 1.0
     sizes = _coupled_sizes(field, a, jnp.maximum(jnp.abs(end), jnp.abs(end - start)))
@@ -214,8 +214,8 @@ def _equilibrium(field: Field, y: Array, t: Array) -> Array:
     return nan_unless(settled & regular, y)
 
 
-def _coupled_sizes(field: Field, a: Array, each: Array) -> Array:
-    """(k,) sizes, each at least the change that other entries make in it in the time 1 / r.
+def _coupled_sizes(field: Field, a: Array, sizes: Array) -> Array:
+    """(k,) sizes, each at least the change that other entries cause in it in the time 1 / r.
 
     Here r is the spectral radius of |A|: up to a factor of k^(1/16), the 16th root of the trace of
     |A|^16.
@@ -226,9 +226,9 @@ def _coupled_sizes(field: Field, a: Array, each: Array) -> Array:
         trace = jnp.trace(power)
         power = power / jnp.where(trace > 0, trace, 1.0)
         scale = scale * trace ** (0.5**i)
-    made = jnp.abs(a) / jnp.where(scale > 0, scale, jnp.inf)
-    each = alike(each)
-    return jax.lax.fori_loop(0, len(each), lambda _, x: jnp.maximum(x, alike(made @ x)), each)
+    gain = jnp.abs(a) / jnp.where(scale > 0, scale, jnp.inf)
+    sizes = alike(sizes)
+    return jax.lax.fori_loop(0, len(sizes), lambda _, x: jnp.maximum(x, alike(gain @ x)), sizes)
 
 
 def _box(low, high, scene: Scene) -> Box:
@@ -240,7 +240,7 @@ def _box(low, high, scene: Scene) -> Box:
 
 
 def _groups(ends: SearchEnds, order: np.ndarray, box: Box) -> list[list[int]]:
-    """Indices in groups of equal states, each with its best first."""
+    """Indices in groups of equal states, the best of each group first."""
     groups: list[list[int]] = []
     units = box.units(ends.ys)
     heads = np.zeros((len(order), units.shape[1]))
@@ -255,7 +255,7 @@ def _groups(ends: SearchEnds, order: np.ndarray, box: Box) -> list[list[int]]:
 
 
 def _merge(scene: Scene, box: Box, ends: SearchEnds, groups: list[list[int]]) -> list[list[int]]:
-    """Groups merged by the system's own measure, as for angles a whole turn apart."""
+    """Groups merged by the system's measure of differences, as for angles a whole turn apart."""
     if not groups:
         return []
     heads = jnp.asarray(ends.ys[[group[0] for group in groups]])
@@ -275,7 +275,7 @@ def _kinds(field: Field, t: Array, box: Box, ends: SearchEnds, best: list[int]) 
     flat = [i for i in best if ends.flat[i]]
     kinds = dict.fromkeys(best, "isolated")
     if flat:
-        # There are as many as in the first search, which is then not recompiled.
+        # As many states as in the first search, so that its program is used again.
         beside = np.resize(ends.ys[flat] + _STEP_ALONG_CURVE * ends.along[flat], ends.ys.shape)
         found = search(field, t, box, beside)
         gone = np.linalg.norm(box.units(found.ys[: len(flat)] - ends.ys[flat] + box.low), axis=1)

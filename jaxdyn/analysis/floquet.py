@@ -147,8 +147,9 @@ def edges(
       looks: number of grid points.
       rtol: relative tolerance of a step.
     Raises:
-      ValueError: a state of more than two entries, fewer than two looks, or `rtol` out of range.
-    Limits: two edges closer than the grid, or one that is only touched, are missed; host only.
+      ValueError: a state of more than two entries, `looks` below 2, or `rtol` out of range.
+    Limits: host only; two edges between the same grid points, or a condition that touches 0
+      without a change of sign, are missed.
     """
     low, high = between
     xs = np.linspace(float(low), float(high), _checks.whole("looks", looks))
@@ -190,8 +191,8 @@ class _Period(NamedTuple):
       monodromy: (k, k) the matrix M.
       coarse: (k, k) M at a coarser tolerance.
       period: () the period [s].
-      gap: () closing error of the motion, in the sizes of its start and what a period makes of
-        them.
+      gap: () closing error of the motion, relative to the sizes of the entries at its start and
+        to their images under M.
       form: (k, k) symplectic form that M preserves if the scene is conservative, or None.
     """
 
@@ -203,7 +204,7 @@ class _Period(NamedTuple):
 
 
 def _tolerances(rtol: float) -> tuple[Array, Array]:
-    tolerances(rtol, None)  # checked here: inside jit it cannot be
+    tolerances(rtol, None)  # checked here, since it cannot be inside jit
     return jnp.asarray(rtol), jnp.asarray(coarser(rtol))
 
 

@@ -1,11 +1,11 @@
-"""Every body of a scene cut free: the forces on it, their moments, and what they do to it.
+"""Free bodies: the forces on every body of a scene, their moments, and its acceleration.
 
 The forces come from the effects, from the loads that a system's own equations contain, and from the
 joints (hinges, rods, wires, contacts). In a constrained formulation, and in the equations of a
 cylinder in contact, the forces in joints are among the unknowns, and are taken from there. In
 minimal coordinates no equation contains them: they are found from the balance of forces and moments
-of all bodies together. These are more equations than unknowns, one for each degree of freedom, so
-that the balance is a test in that case too.
+of all bodies together. There is one more equation than unknowns for each degree of freedom, so the
+balance is a test in that case too.
 
 Accelerations are derivatives of the velocities of the material points along the rate, and do not
 use any of these forces: `FreeBodies.residual` says how far sum F = m a and sum M = dL/dt, about the
@@ -32,7 +32,7 @@ from jaxdyn.joints import Joint, Load, Part
 from jaxdyn.scene import Effect, Field, Points, Scene
 from jaxdyn.system import System, generalized_forces
 
-#: Where the force in a joint is from.
+#: Sources of a force.
 EFFECT, MULTIPLIER, BALANCE = "effect", "multiplier", "balance"
 
 #: Residual above which the bodies and joints of a system do not describe its equations.
@@ -42,13 +42,13 @@ _RANK = 1e-11
 
 
 class Force(NamedTuple):
-    """A force on a body cut free.
+    """A force on a free body.
 
     Attributes:
       name: the name of its effect or joint.
       force: (d,) [N].
-      at: (d,) its point of attack [m].
-      couple: a further moment: () in the plane, (3,) in space [N m].
+      at: (d,) its point of application [m].
+      couple: the couple that acts with it: () in the plane, (3,) in space [N m].
       source: "effect"; "multiplier" of a constraint, from the equations of motion; "balance" where
         it follows from the balance of forces and moments.
     """
@@ -65,7 +65,7 @@ class Force(NamedTuple):
 
 
 class FreeBody(NamedTuple):
-    """A body cut free.
+    """A body with all forces on it.
 
     Attributes:
       name: the body's name.
@@ -75,10 +75,10 @@ class FreeBody(NamedTuple):
       acceleration: (d,) acceleration of the centre [m/s^2].
       angular_momentum: angular momentum about the centre, () or (3,) [kg m^2/s].
       angular_rate: its derivative with respect to time [N m].
-      inertial: sums of the magnitudes of the terms of m a and of m s x a of its points, whose
-        rounding is that of the acceleration and of the rate [N, N m].
+      inertial: sums over its points of the magnitudes of the terms of m a, and of their moments,
+        whose rounding is that of m a and of dL/dt [N, N m].
       forces: the forces on it.
-      rigid: whether moments turn it; a particle has none.
+      rigid: whether it can turn; False for a particle.
       outline: its shapes in pictures; () where the sketch of the scene shows it.
     """
 
@@ -106,7 +106,7 @@ class FreeBody(NamedTuple):
 
 
 class FreeBodies(NamedTuple):
-    """All bodies of a scene, cut free; see `free_body`.
+    """All bodies of a scene as free bodies; see `free_body`.
 
     Attributes:
       t: time [s].
@@ -117,7 +117,7 @@ class FreeBodies(NamedTuple):
       units: those of mass, length, force, moment and time; "" where the numbers have none, as with
         G = 1.
       determined: whether the equations determine all forces; where they do not, as with one rod
-        too many, the smallest are chosen.
+        too many, those of least norm are taken.
     """
 
     t: float
@@ -158,18 +158,18 @@ class FreeBodies(NamedTuple):
 
 @check_first
 def free_body(scene: Scene, t=0.0, y=None) -> FreeBodies:
-    """The bodies of a scene at a state, each cut free, with all forces on it.
+    """The free bodies of a scene at a state: each body with all forces on it.
 
     Args:
       scene: a scene of particles, rods, hinged bars, rigid bodies, wires, skates or contacts.
       t: () time [s].
       y: (k,) state; the scene's start by default.
     Returns:
-      The forces on each body: those of effects by their names, those in joints, their points of
-      attack and moments; accelerations; how far they are in balance.
+      The forces on each body, by the names of effects and joints, their points of application and
+      moments, the accelerations, and the residual of the balance.
     Raises:
       ValueError: the bodies of the scene are not known (an `ode`, a Lagrangian, a moving frame), it
-        is moved as prescribed, an effect acts on coordinates that are not those of bodies, or
+        has a prescribed motion, an effect acts on coordinates that are not those of bodies, or
         forces and accelerations do not agree.
     Example:
       >>> from jaxdyn import scenes
@@ -221,7 +221,7 @@ def free_body(scene: Scene, t=0.0, y=None) -> FreeBodies:
 
 
 class _Found(NamedTuple):
-    """What is evaluated by JAX: points, accelerations (n, d) and the sizes of their terms."""
+    """What JAX evaluates: points, accelerations (n, d), the sizes of their terms, forces."""
 
     points: Points
     a: Array
@@ -236,13 +236,13 @@ class _Found(NamedTuple):
 
 
 def _pieces(field: Field, acts: str, m: Array) -> list[Effect]:
-    """The parts of all effects that act in a way."""
+    """The pieces of all effects that act in the given way."""
     effects = [one for effect in field.effects for one in effect.pieces(m)]
     return [one for one in effects if acts in one.acts]
 
 
 def _forces(field: Field, t: Array, y: Array) -> tuple[list, list, Array | None]:
-    """Those on points and on coordinates by each part of the effects, and those in joints."""
+    """Forces of each piece of the effects on points and on coordinates, and those in joints."""
     system = field.system
     points = system.points(t, y)
     turned = _pieces(field, "generalized", points.m)
@@ -261,7 +261,7 @@ def _all_forces(field: Field, t: Array, y: Array) -> Array:
 
 @eqx.filter_jit
 def _found(scene: Scene, t: Array) -> _Found:
-    """What is found at the start of a scene."""
+    """Points, accelerations and forces at the start of a scene."""
     field, system, y = scene.field, scene.system, jnp.asarray(scene.y0)
     rate, flat = going_on(scene, _all_forces, t, y, t + jnp.abs(scene.t1))(t, y)
     shapes, tree = jax.tree.flatten(jax.eval_shape(_forces, field, t, y))
@@ -289,7 +289,7 @@ def _found(scene: Scene, t: Array) -> _Found:
 
 
 def _attitude(system: System, y: Array) -> Array | None:
-    """R_wb (3, 3) of a body whose forces on coordinates have a torque in its own axes."""
+    """R_wb (3, 3) of a rigid body, whose generalised torques are in its own axes; else None."""
     if isinstance(getattr(system, "attitude", None), Attitude):
         return system.pose(y).R_wb
     return None
@@ -370,7 +370,7 @@ def _force_on_body(
         return Force("", total, points.r[index][acted[0]], none, EFFECT)
     moments = _cross(arms, f)
     couple = moments.sum(axis=0)
-    # For a force in proportion to mass, the couple is the rounding of the places of the points.
+    # For a force proportional to mass, the couple is only rounding of the points' positions.
     reach = np.abs(points.r[index]).sum(axis=1) + np.abs(body.centre).sum()
     size = float(reach @ np.linalg.norm(f, axis=1))
     couple = np.where(np.abs(couple) <= 8 * np.finfo(float).eps * size, 0.0, couple)
@@ -378,7 +378,7 @@ def _force_on_body(
 
 
 def _shares(part: Part, parts: tuple[Part, ...], points: Points) -> np.ndarray:
-    """(p,) the part of a force on each of its points that acts on a body: its part of the mass."""
+    """(p,) the share of a body in the force on each of its points: its share of the mass."""
     index, m = np.array(part.points, int), np.asarray(part.m)
     shared = np.array([sum(i in one.points for one in parts) for i in index])
     whole = points.m[index]
@@ -473,7 +473,7 @@ def _with_joint(bodies: list[FreeBody], joint: Joint, x: np.ndarray, source: str
 
 
 def _equations(bodies: list[FreeBody], size: float) -> np.ndarray:
-    """Forces, and moments divided by a length, of all bodies in one row."""
+    """Forces, and moments divided by a length, of all bodies in one vector."""
     rows = [[b.force, np.atleast_1d(b.moment) / size] if b.rigid else [b.force] for b in bodies]
     return np.concatenate([x for row in rows for x in row])
 
@@ -484,8 +484,7 @@ def _residual(bodies: list[FreeBody]) -> tuple[float, float]:
     forces = [np.linalg.norm(f.force) for b in bodies for f in b.forces]
     largest = float(max(*inertial, *forces, 0.0))
     off = max(np.linalg.norm(b.force - b.m * b.acceleration) for b in bodies)
-    # m a of a body may be the rounding of its terms, as it is for a free particle in polar
-    # coordinates.
+    # m a of a body may be only rounding of its terms, as for a free particle in polar coordinates.
     scale = max(largest, *(b.inertial[0] for b in bodies))
     residual = off / scale if scale else 0.0
     rigid = [b for b in bodies if b.rigid]
@@ -493,7 +492,7 @@ def _residual(bodies: list[FreeBody]) -> tuple[float, float]:
     moments += [b.inertial[1] for b in rigid]
     if moments and max(moments):
         turning = max(np.linalg.norm(b.moment - b.angular_rate) for b in rigid)
-        # A force on a line through the mass centre has the moment of the rounding of its arm.
+        # The moment of a force through the mass centre is only rounding of its arm.
         arms = [np.abs(f.at - b.centre).max() for b in rigid for f in b.forces]
         scale = max(*moments, largest * max(arms, default=0.0))
         residual = max(residual, turning / scale)

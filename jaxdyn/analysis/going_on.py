@@ -1,6 +1,6 @@
-"""Rates and forces at a state as the motion goes on from it: where friction holds a body, too.
+"""Rates and forces of the motion that continues from a state, also where friction holds a body.
 
-There a rate with conditions is on the surface where its force jumps, and its formula has the force
+There the state is on a surface where the friction jumps, and the formula of the rate has the force
 of either side, or of neither: the law of dry friction says nothing at a speed of zero.
 """
 
@@ -23,9 +23,9 @@ Values = Callable[[Field, Array, Array], Array]
 
 
 class _Beside(Extended):
-    """A system whose further entries have some values as their rates.
+    """A system with further state entries, whose rates are the given values.
 
-    So these are weighted as the rate is, where a motion slides on a surface.
+    So where a motion slides on a surface, the values of its two sides are weighted as the rates.
     """
 
     values: Values = eqx.field(static=True)
@@ -41,14 +41,14 @@ class _Beside(Extended):
 def going_on(
     scene: Scene, values: Values, t: Array, y: Array, t1: Array
 ) -> Callable[[Array, Array], tuple[Array, Array]]:
-    """The function (t, y) -> the rate (k,) and some values (m,), of a motion that goes on from y.
+    """The function (t, y) -> the rate (k,) and values (m,), of the motion that continues from y.
 
     Args:
       scene: system and effects; its start is not used.
-      values: the values.
+      values: the function (field, t, y) -> (m,).
       t: () time.
-      y: (k,) state then.
-      t1: () a time at which the motion is over.
+      y: (k,) state at t.
+      t1: () a time beyond the end of the motion.
     """
     field, k = scene.field, len(y)
     if not plan_of(field, k).most_surfaces:

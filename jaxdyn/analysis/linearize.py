@@ -31,11 +31,11 @@ from jaxdyn.plan import plan_of
 from jaxdyn.scales import groups
 from jaxdyn.scene import Field, Scene, check_scene
 
-_MAX_ASYMMETRY = 1e-9  # relative asymmetry of a stiffness matrix by rounding
-#: Roundings of the state by which a condition may be off its change, and the part of a rate up to
-#: which two are the same.
+_MAX_ASYMMETRY = 1e-9  # relative asymmetry of a stiffness matrix that counts as rounding
+#: Distance within which a state is on the surface of a condition, in roundings of the state, and
+#: the relative difference up to which two rates are equal.
 _ROUNDINGS, _SAME_RATE = 64, 1e-12
-#: Largest ratio of forces at an equilibrium to those of a displacement by its size; also of speeds.
+#: Largest force at an equilibrium, over that at a displacement by its size; likewise of speeds.
 _MAX_REST_FORCE = 1e-6
 
 
@@ -93,8 +93,8 @@ def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
     Raises:
       ValueError: `y` or `t` is not finite or has a wrong shape, or the rate has no derivative.
     Limits: at a state at which a condition of the rate changes, as where a spring becomes stiffer,
-      the bars contain the eigenvalues on all sides; they are infinite where the rate jumps, as dry
-      friction at rest. A centre is "undecided" where no energy is conserved and has a strict
+      the bars contain the eigenvalues on all sides; they are infinite where the rate jumps, as with
+      dry friction at rest. A centre is "undecided" where no energy is conserved and has a strict
       minimum or maximum there, as at the libration points L4 and L5.
     Example:
       >>> from jaxdyn.scenes.springs import oscillator
@@ -112,7 +112,7 @@ def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
 
 
 def linearize_near(field: Field, y: Array, t, sizes: np.ndarray) -> Linearization:
-    """The result of `linearize` for a state (k,) that is off by a rounding of sizes (k,)."""
+    """The result of `linearize` for a state (k,) with errors of some roundings of sizes (k,)."""
     t, y = jnp.asarray(t, float), jnp.asarray(y)
     others = _beyond_conditions(field, t, y, jnp.asarray(sizes))
     found = classify(np.asarray(jacobian(field, y, t)), others=others)
@@ -124,7 +124,7 @@ def linearize_near(field: Field, y: Array, t, sizes: np.ndarray) -> Linearizatio
 
 
 def _beyond_conditions(field: Field, t: Array, y: Array, sizes: Array) -> np.ndarray:
-    """(n, k, k) the Jacobians beyond the conditions of a rate that change at a state.
+    """(n, k, k) Jacobians on the other side of each condition on whose surface a state lies.
 
     They are infinite where the rate itself jumps.
     """
@@ -132,14 +132,17 @@ def _beyond_conditions(field: Field, t: Array, y: Array, sizes: Array) -> np.nda
     if not plan_of(field, k).on_state:
         return np.zeros((0, k, k))
     near, matrices, jumps = map(np.asarray, _each_beyond(field, t, y, sizes))
-    # What is not defined there, as the direction of a spring of no length, is not beyond.
+    # A Jacobian that is undefined, as at a spring of length 0, is left out.
     near = near & np.isfinite(matrices).all(axis=(1, 2))
     return np.where(jumps[near, None, None], np.inf, matrices[near])
 
 
 @eqx.filter_jit
 def _each_beyond(field: Field, t: Array, y: Array, sizes: Array) -> tuple[Array, Array, Array]:
-    """For each condition, whether it changes at a state, the Jacobian there, and if rates jump."""
+    """For each condition, whether a state is on its surface, and what holds on its other side.
+
+    This is the Jacobian (k, k) there, and whether the rate jumps.
+    """
     plan = plan_of(field, len(y))
     rate, here = plan.evaluate(field, t, y)
 
@@ -167,9 +170,9 @@ def classify(a, doubt: float | None = None, others=()) -> Linearization:
 
     Args:
       a: the matrix, in any units of the entries of the state.
-      doubt: the norm of its error besides rounding, in entries of one unit.
-      others: (n, k, k) other matrices that it may be as well, not finite where nothing is known;
-        their eigenvalues are within the bars.
+      doubt: the norm of its error besides rounding; if given, all entries should be in one unit.
+      others: (n, k, k) Jacobians on other sides of conditions, not finite where unknown; the bars
+        are widened to contain their eigenvalues.
     """
     remedy = "The rate has no derivative there: coincident bodies, a NaN?"
     a = np.asarray(_checks.array("jacobian", a, (None, None), remedy))
@@ -188,7 +191,7 @@ def classify(a, doubt: float | None = None, others=()) -> Linearization:
 
 
 def _bars_that_contain(found: Eigenvalues, other: np.ndarray) -> np.ndarray:
-    """(k,) bars so wide that each eigenvalue of another matrix is within that of the nearest."""
+    """(k,) bars so wide that each eigenvalue of another matrix is within the nearest one's bar."""
     if not np.isfinite(other).all():
         return np.full(len(other), np.inf)
     apart = np.abs(found.values[:, None] - rate_eigenvalues(other).values)
@@ -213,9 +216,9 @@ def _portrait(found: Eigenvalues) -> str:
 
 def check_equilibrium(scene: Scene, y: Array, t=0.0) -> None:
     """Raise ValueError unless a state (k,) is an equilibrium, in the scales of motions near it."""
-    each, time = map(np.asarray, at_rest(scene.field, groups(scene.system), y)[:2])
+    sizes, time = map(np.asarray, at_rest(scene.field, groups(scene.system), y)[:2])
     rate = np.abs(np.asarray(scene.rate(jnp.asarray(t, float), jnp.asarray(y))))
-    if not (rate * float(time) <= _MAX_REST_FORCE * each).all():
+    if not (rate * float(time) <= _MAX_REST_FORCE * sizes).all():
         got = f"a rate of {rate.max():.3g}"
         remedy = "`equilibria` finds them; steady motions have `analysis.steady.linearize_steady`."
         raise _checks.fail("y", "an equilibrium", got, remedy)
@@ -224,7 +227,7 @@ def check_equilibrium(scene: Scene, y: Array, t=0.0) -> None:
 def is_second_order(scene: Scene, y: Array) -> bool:
     """Whether a scene's state is [q, v] with dq/dt = v, by declaration or by its rate at a state.
 
-    Traced numbers have no values, so any take their places: dq/dt = v does not depend on numbers.
+    Traced numbers are replaced by arbitrary values, since dq/dt = v does not depend on them.
     """
     if scene.system.second_order or scene.system.canonical(jnp.zeros(()), y) is not None:
         return True
@@ -233,13 +236,13 @@ def is_second_order(scene: Scene, y: Array) -> bool:
     with jax.ensure_compile_time_eval():
         valued, at = jax.tree.map(_with_value, (scene, jnp.asarray(y)))
         top = jacobian(valued, at)[: len(y) // 2]
-    if _checks.is_traced(top):  # by a number that the rate's function has captured
+    if _checks.is_traced(top):  # the rate's function has captured a traced number
         return False
     return np.array_equal(np.asarray(top), np.eye(len(y) // 2, len(y), len(y) // 2))
 
 
 def complete_state(name: str, given: np.ndarray, scene: Scene) -> np.ndarray:
-    """(k,) a state, of which only the coordinates may be given where that is [q, v]; then v is 0.
+    """(k,) the whole state; for a state [q, v], v is 0 where only q is given.
 
     Raises:
       ValueError: it has another number of entries; `name` is that of the argument.
@@ -356,7 +359,7 @@ def _matrices(scene: Scene, y: Array) -> tuple[Array, Array, Array]:
 
 def _check_modes(scene: Scene, y: np.ndarray, mass, stiffness, acceleration) -> None:
     _checks.finite("stiffness", stiffness, "A number of the scene is NaN, or it is singular at y.")
-    # Coordinates in which all masses are 1: forces and stiffnesses are of one kind.
+    # In coordinates in which all masses are 1, all stiffnesses have one unit, as have forces.
     roots = np.sqrt(np.abs(np.diag(mass)))
     stiffness = stiffness / roots / roots[:, None]
     stiffest = np.abs(stiffness).max()
@@ -370,7 +373,7 @@ def _check_modes(scene: Scene, y: np.ndarray, mass, stiffness, acceleration) -> 
     n = len(mass)
     sizes = np.asarray(at_rest(scene.field, groups(scene.system), y).sizes)
     largest = _MAX_REST_FORCE * (roots * sizes[:n]).max()
-    # Speeds are compared with those that have the energy of that displacement.
+    # The kinetic energy is compared with the potential energy of that displacement.
     moves = y[n:] @ mass @ y[n:] > largest**2 * stiffest
     if moves or np.abs(mass @ acceleration / roots).max() > largest * stiffest:
         raise _checks.fail(

@@ -115,7 +115,7 @@ def moment_balance(motion: Trajectory, c: MovingPoint) -> dict[str, Balance]:
 
 
 @of_samples
-@eqx.filter_jit  # one program for all definitions, most of whose work is the same
+@eqx.filter_jit  # one program for all definitions, which share most of the work
 def _moment_balances(motion: Trajectory, c: MovingPoint) -> list[Balance]:
     scene = motion.scene
 

@@ -22,18 +22,18 @@ _COARSER = 100.0  # the second tolerance, as a multiple of the first
 _COARSEST = 0.1  # limit of the second tolerance
 #: A map whose `symplectic_defect` is below this is that of a conservative scene.
 SYMPLECTIC = 1e-7
-_STATES = 8  # number of states at which a form is sought
-_MOST_ENTRIES = 16  # most entries of a state; with 36 a search takes 0.7 s
+_STATES = 8  # number of states whose Jacobians determine a form
+_MOST_ENTRIES = 16  # largest number of state entries; with 36 a search takes 0.7 s
 _SPREAD = 0.3  # spread of the states, in parts of each entry's size
-_LEAST_ENTRY = 0.1  # the least part of its size that an entry of the state counts as
-_NULL = 1e-9  # singular values of the equations for a form, in sizes of the slopes, that are 0
-_KEPT = 1e-12  # change of a form along the flow, relative to its terms, that is rounding
-_BALANCED = 3  # rounds after which units are balanced
+_LEAST_ENTRY = 0.1  # smaller entries, in parts of their size, are spread as if they were this
+_NULL = 1e-9  # smaller singular values of the equations for a form, over the slopes, count as 0
+_KEPT = 1e-12  # largest change of a form along the flow, relative to its terms, by rounding
+_BALANCED = 3  # rounds of balancing of units
 _VANISHES = 1e-14  # rows of a form below this part of the largest are rounding
-_REGULAR = 1e-3  # least ratio of smallest to largest singular value of a form that is regular
+_REGULAR = 1e-3  # least ratio of smallest to largest singular value of a nonsingular form
 #: Weights by which independent forms are summed; several, since one sum may be singular.
 WEIGHTS = ((1, 1, 1, 1, 1, 1), (1, 2, 3, 5, 7, 11), (3, -1, 2, 7, -5, 1))
-_TANGENT = 1e-6  # smaller singular values of a projection's derivative are directions it removes
+_TANGENT = 1e-6  # directions of smaller singular values are those that a projection removes
 
 
 @check_first
@@ -58,7 +58,7 @@ def monodromy(scene: Scene, y0=None, period=None, *, rtol: float = RTOL) -> Arra
       [-1.0, -1.0]
     """
     scene = scene if y0 is None else scene.starting(y0)
-    tolerances(rtol, None)  # checked here: inside jit it cannot be
+    tolerances(rtol, None)  # checked here, since it cannot be inside jit
     return end_and_derivative(scene, scene.t1 if period is None else period, rtol)[1]
 
 
@@ -80,7 +80,7 @@ def uncertainty(fine: np.ndarray, coarse: np.ndarray, rtol) -> np.ndarray:
     Limits: on nine scenes and at tolerances from 1e-13 to 1e-4 it was 8 to 2000 times the error
       (measured against runs at 3e-15).
     """
-    # Loose tolerances may give the same few steps and no difference.
+    # Two loose tolerances may lead to the same few steps and no difference.
     return norm(coarse - fine) + rtol * np.linalg.norm(fine, axis=(-2, -1))
 
 
@@ -99,16 +99,16 @@ def symplectic_form(scene: Scene, y0: Array) -> Array | None:
 def form_change(scene: Scene, t, y: Array, each: np.ndarray) -> float:
     """How fast the `symplectic_form` changes along the flow: 0 for symplectic maps, else up to 1.
 
-    It is the largest entry on tangents of the constraint surface, in sizes `each` (k,) of the
-    entries, over that of the terms whose sum it is; NaN where there are no canonical coordinates.
+    It is the largest entry of its rate on tangents of the constraint surface, in sizes `each` (k,)
+    of the entries, over the largest of its terms; NaN where there are no canonical coordinates.
     """
     if symplectic_form(scene, y) is None:
         return math.nan
-    slopes, moved = map(np.asarray, _form_slopes(scene, t, y))
+    slopes, form_rate = map(np.asarray, _form_slopes(scene, t, y))
     basis = each[:, None] * np.linalg.qr(tangents(scene, np.asarray(y)) / each[:, None])[0]
-    slopes, moved = (basis.T @ x @ basis for x in (slopes, moved))
-    size = np.abs(slopes).max(initial=0.0) + np.abs(moved).max(initial=0.0)
-    return float(np.abs(slopes - slopes.T + moved).max(initial=0.0) / (size or 1.0))
+    slopes, form_rate = (basis.T @ x @ basis for x in (slopes, form_rate))
+    size = np.abs(slopes).max(initial=0.0) + np.abs(form_rate).max(initial=0.0)
+    return float(np.abs(slopes - slopes.T + form_rate).max(initial=0.0) / (size or 1.0))
 
 
 @jax.jit
@@ -125,24 +125,23 @@ def _form(scene: Scene, t, y0: Array) -> Array:
 
 @jax.jit
 def _form_slopes(scene: Scene, t, y: Array) -> tuple[Array, Array]:
-    """(k, k) J Df, and the change of J along the motion."""
+    """(k, k) J Df, and (k, k) the rate of J along the motion."""
     rate = scene.rate(t, y)
-    form, moved = jax.jvp(lambda *at: _form(scene, *at), (t, y), (jnp.ones_like(t), rate))
-    return form @ jax.jacfwd(scene.rate, argnums=1)(t, y), moved
+    form, form_rate = jax.jvp(lambda *at: _form(scene, *at), (t, y), (jnp.ones_like(t), rate))
+    return form @ jax.jacfwd(scene.rate, argnums=1)(t, y), form_rate
 
 
 @check_first
 def invariant_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray | None:
-    """(k, k) a constant symplectic form that the flow keeps near the start; None if none is found.
+    """(k, k) a constant symplectic form that the flow near the start preserves, or None.
 
-    A flow keeps the form J if (Df)^T J + J Df = 0 everywhere: linear equations for the entries of
-    an antisymmetric J, whose solutions are the same at random states as everywhere. So the form is
-    found for a rate that is given by itself, in any coordinates that are linear in canonical ones:
-    for the restricted three-body problem in a rotating frame it is not that of positions and
-    velocities.
+    A flow preserves the form J if (Df)^T J + J Df = 0 everywhere: linear equations for the entries
+    of an antisymmetric J, whose solutions at some random states are those everywhere. So the form
+    is found from the rate alone, in any coordinates that are linear in canonical ones, such as
+    positions and velocities of the restricted three-body problem in a rotating frame.
 
-    With the sizes `each` (k,) of the entries, it is the form of states in these units. Its scale is
-    arbitrary.
+    If the sizes `each` (k,) of the entries are given, it is the form of states in these units. Its
+    scale is arbitrary.
 
     Limits: host only; at most 16 entries; found to rounding, not proved.
     """
@@ -151,8 +150,8 @@ def invariant_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray |
         return None
     if each is None:
         each = np.full(len(y0), np.abs(y0).max(initial=0.0) or 1.0)
-    # Entries that are 0 or small vary as well: on an axis of symmetry, or beside it, more forms are
-    # kept, to the rounding of what changes so little.
+    # Entries that are 0 or small are varied too: on or near an axis of symmetry the rate changes so
+    # little that further forms are preserved to rounding.
     sizes = np.maximum(np.abs(y0), _LEAST_ENTRY * each)
     random = np.random.default_rng(0)
     ys = y0 + _SPREAD * sizes * random.standard_normal((_STATES, len(y0)))
@@ -162,8 +161,8 @@ def invariant_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray |
     slopes = slopes[np.isfinite(slopes).all(axis=(1, 2))] * each / each[:, None]
     if len(slopes) <= _STATES // 2:
         return None
-    # In the sizes of a normal mode those of the others are small, and so are their entries of a
-    # form: it would count as singular, and damping of the others as rounding.
+    # In units from one normal mode the other modes are small, and so are their entries of a form:
+    # it would count as singular, and damping of these modes as rounding.
     units = np.ones(len(y0))
     for _ in range(_BALANCED):
         forms = invariant_forms(list(slopes))
@@ -176,7 +175,7 @@ def invariant_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray |
         if s[-1] > _REGULAR * s[0]:
             by = total @ slopes
             change = np.abs(by - by.transpose(0, 2, 1)).max(axis=(1, 2))
-            # A little damping is nearly none.
+            # Weak damping changes a form by less than `_NULL`, but by more than rounding.
             if (change > _KEPT * np.abs(by).max(axis=(1, 2))).any():
                 return None
             return total / np.outer(units, units)
@@ -184,9 +183,9 @@ def invariant_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray |
 
 
 def balancing(sizes: np.ndarray) -> np.ndarray:
-    """(k,) units in which the rows of a form of sizes (k, k) have 1 as their largest entry.
+    """(k,) units in which the largest entry in each row of a form is 1; `sizes` are its |entries|.
 
-    Rows that are rounding stay so.
+    Rows that are only rounding are not scaled up.
     """
     units = np.ones(len(sizes))
     for _ in range(_BALANCED):
@@ -204,7 +203,7 @@ def invariant_forms(slopes: Sequence[np.ndarray]) -> np.ndarray:
     units -= units.transpose(0, 2, 1)
     several = np.asarray(slopes)[:, None]
     rows = (several.swapaxes(-1, -2) @ units + units @ several)[..., *above].swapaxes(-1, -2)
-    # Not those of the rows: with two entries there is one, the trace, which may be rounding.
+    # Not relative to each row: with two entries the only one is the trace, which may be rounding.
     sizes = abs(several[:, 0]).max(axis=(-2, -1), keepdims=True, initial=1e-300)
     equations = (rows / sizes).reshape(-1, len(units))
     # For many equations, the triangular factor has the same singular values and right vectors.

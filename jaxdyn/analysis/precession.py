@@ -39,7 +39,7 @@ from jaxdyn.geometry.vectors import Scalar, Vector
 from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 
-# A leading coefficient smaller than this part of its terms is zero: cos(pi / 2) in floats is not.
+# A leading coefficient below this part of its terms counts as 0: cos(pi / 2) in floats is not 0.
 _MIN_RELATIVE_COEFFICIENT = 1e-15
 
 
@@ -54,14 +54,14 @@ class Precession(NamedTuple):
 
 
 def precession_residual(theta, motion: Precession, *, I1, I3, K) -> Array:
-    """Moment () [N m] that a steady precession lacks, over sin(theta); 0 where it is possible."""
+    """Unbalanced moment () [N m] over sin(theta); 0 where a steady precession is possible."""
     cos = jnp.cos(theta)
     total = motion.spin + motion.precession * cos
     return I1 * cos * motion.precession**2 - I3 * total * motion.precession + K
 
 
 def precession_roots(theta, spin, *, I1, I3, K, total: bool = False) -> Precession:
-    """All steady precessions at a lean and a spin: (2,) the slow one, then the fast one.
+    """All steady precessions at a given tilt and spin: (2,) the slow one, then the fast one.
 
     NaN where there is none: both if the spin is too slow, the fast one where the equation is
     linear (an axis at right angles to k with the total given, I_1 = I_3 with the relative spin).
@@ -79,7 +79,7 @@ def precession_roots(theta, spin, *, I1, I3, K, total: bool = False) -> Precessi
     return _roots(theta, spin, I1, I3, K, total)
 
 
-@jax.jit  # one program, where each operation by itself would be one at its first call
+@jax.jit  # or each operation would be compiled by itself at its first call
 def _roots(theta: Array, spin: Array, I1, I3, K, total) -> Precession:
     cos = jnp.cos(theta)
     a = jnp.where(total, I1, I1 - I3) * cos
@@ -93,7 +93,7 @@ def _roots(theta: Array, spin: Array, I1, I3, K, total) -> Precession:
 def free_precession(theta, total, *, I1, I3) -> Precession:
     """The steady precession of a free axisymmetric body about its angular momentum.
 
-    omega_p = I_3 omega_3 / (I_1 cos(theta)). For a flat plate, I_3 = 2 I_1, seen at a small angle
+    omega_p = I_3 omega_3 / (I_1 cos(theta)). For a flat plate, with I_3 = 2 I_1, at a small angle
     it is 2 omega_3: the plate wobbles twice as fast as it spins.
     """
     rate = I3 * total / (I1 * jnp.cos(theta))
@@ -170,7 +170,7 @@ def disk_residuals(theta, motion: SteadyDisk, *, m, radius, I1, g=9.81) -> DiskR
 
 @jax.jit
 def rolling_disk_circle(theta, R, *, m, radius, I1, g=9.81) -> SteadyDisk:
-    """Problem 60 a: the steady rolling without slip at a lean, round a circle of radius R.
+    """Problem 60 a: the steady rolling without slip at a given lean, round a circle of radius R.
 
     omega_p^2 = m g r cos(theta) / (sin(theta) (I_1 cos(theta) - (2 I_1 / r + m r) R)), and from the
     lack of slip r omega_3 = R omega_p. It is the root with omega_p > 0; the mirror image has all
@@ -186,7 +186,7 @@ def rolling_disk_circle(theta, R, *, m, radius, I1, g=9.81) -> SteadyDisk:
 
 
 def sliding_disk_roots(theta, spin, *, m, radius, I1, g=9.81) -> Precession:
-    """Problem 60 b: all steady motions without friction at a lean and a spin, (2,) as above.
+    """Problem 60 b: all steady motions without friction at a given lean and spin, (2,) as above.
 
     The centre is at rest (or moves along at a constant velocity). Upright, all motions with
     spin * precession = 0 are steady.
@@ -225,8 +225,8 @@ def wobble_and_spin(motion: Trajectory) -> WobbleAndSpin:
     The second is the turn about z of the whole attitude (its twist), phi + psi of ZXZ Euler
     angles, which is smooth also where e_3' passes through z. Both are counted from the first
     sample to the last; one that makes half a turn or more between two samples is NaN, as it
-    could not be told from a slower one. So is the first where e_3' is along z at a sample, and the
-    second upside down: the angle is undefined there.
+    cannot be distinguished from a slower one. The first is NaN also where e_3' is along z at a
+    sample, the second where the body is upside down: the angle is undefined there.
     """
     angles, rates = jax.vmap(lambda y: _wobble_and_twist(pose(motion.scene, 0.0, y)))(motion.ys)
     faster = jnp.maximum(jnp.abs(rates[1:]), jnp.abs(rates[:-1]))

@@ -41,9 +41,9 @@ from jaxdyn.system import potential_energy
 
 _UNREACHABLE_SPAN = 1e150  # a span of s that no motion reaches
 _NEWTON_STEPS = 2  # steps of Newton's method for s at the end, from some 1e-6 away
-#: Absolute tolerance in parts of the sizes of the motion, relative to rtol. An encounter may be far
-#: smaller than these: at eccentricity 1 - 1e-10 a quarter, the default, leaves an error of the
-#: period of 2e-10 after 1000 of them, and this 2e-12, for a fifth more steps [measured].
+#: Absolute tolerance over rtol, in parts of the sizes of the motion. An encounter may be far
+#: smaller than these: at eccentricity 1 - 1e-10 the default, a quarter, leaves an error of the
+#: period of 2e-10 after 1000 periods, this value 2e-12, for a fifth more steps [measured].
 _SHARE = 1e-2
 _ATTRACTION = "an attraction: a potential below 0, as of gravity"
 
@@ -215,7 +215,7 @@ def logarithmic_span(
 
 def _closely(options: SolverOptions) -> SolverOptions:
     """The options with the absolute tolerance of motions in logarithmic time."""
-    # Below a rounding of the sizes it would only lead to more steps, each of which is rounded.
+    # A tolerance below the rounding of the sizes would only add steps, each of which is rounded.
     share = jnp.maximum(_SHARE * options.rtol, jnp.finfo(float).eps)
     return options._replace(atol=Share(share))
 
@@ -241,7 +241,7 @@ def run_regularized(scene: Scene, t1, t0, samples: int, options: SolverOptions, 
     stop = _until(slow, t0, t1, options)
     if throw:
         raise_unless_ok(stop.status, scene)
-    # It is the solver of the search, or errors that encounters amplify would take another way.
+    # The solver of the search: the errors of another would differ, and encounters amplify them.
     options = options._replace(solver=choose_method(slow, options.solver, several=True))
 
     def over(y0, length) -> tuple[Array, SolveResult]:
@@ -250,12 +250,12 @@ def run_regularized(scene: Scene, t1, t0, samples: int, options: SolverOptions, 
         return grid, flow
 
     grid, run = over(slow.y0, stop.t)
-    # The search rounds differently, which encounters amplify: the last bit is lost.
+    # The search rounds differently, and encounters amplify that: it misses t1 in the last digits.
     last, length = run.y1, stop.t
     for _ in range(_NEWTON_STEPS):
         rest = (t1 - last[-1]) / slow.rate(length, last)[-1]
         last, length = over(last, rest)[1].y1, length + rest
-    # Near t1 = 0 Newton's steps end at a tiny number, which is that time to rounding.
+    # Near t1 = 0 Newton's steps end at a tiny number, which is t1 to rounding.
     rounding = jnp.finfo(float).eps * jnp.maximum(jnp.abs(t0), jnp.abs(t1))
     last = last.at[-1].set(jnp.where(jnp.abs(last[-1] - t1) <= rounding, t1, last[-1]))
     run = eqx.tree_at(lambda run: (run.y1, run.ys), run, (last, run.ys.at[-1].set(last)))

@@ -1,7 +1,7 @@
 """Stability of steady motions: precession, rolling round a circle, relative equilibria.
 
 A motion is steady if it follows a symmetry of the scene: y(t) = exp(t xi) y(0), as a shift of
-angles or places does, or a turn about an axis. In a frame that moves along it is at rest, and
+angles or places does, or a turn about an axis. In a frame that moves along, it is at rest, and
 near it
 
     dx/dt = B x,    B = Df(y) - Dxi(y),    xi(y) = f(y).
@@ -33,14 +33,14 @@ from jaxdyn.scene import Field, Scene, check_scene
 
 _MAX_ENTRIES = 40  # entries of a state: the symmetries have its square as unknowns
 # Distance of the samples, relative to the size of the state. Near the state some fields are
-# symmetries but for the square of the distance: for a top in quaternions the equations distinguish
+# symmetries up to the square of the distance: for a top in quaternions the equations distinguish
 # them by 5e-5 of their size, and its frequencies lose four digits (1e-11). At a distance of 1.0 it
 # is 2e-4, and 6e-13, but there an upright disk, whose verdict is open, counts as stable [measured].
 _SAMPLE_DISTANCE = 0.3
 _MAX_SYMMETRY_DEFECT = 1e-10  # relative: residual of Df xi - M f at the samples, for a symmetry
 _MAX_RATE_LEFT = 1e-8  # relative: part of the rate of a steady motion outside the symmetries
-_MAX_GROWTH = 1e-6  # relative to Df: real part of the eigenvalues of a norm-preserving symmetry
-_RANK_TOLERANCE = 1e-8  # relative: singular value of a direction to another steady motion
+_MAX_GROWTH = 1e-6  # relative to Df: largest real part of eigenvalues of a norm-preserving symmetry
+_RANK_TOLERANCE = 1e-8  # relative: largest singular value of a direction to another steady motion
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,7 +116,7 @@ def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
     frames = [_frame(scene.field, t, y, size, (f, a), seed) for seed in (1, 2)]
     (generator, directions), (other, _) = frames
     inside, b = tangent.T @ (a - generator) @ tangent, tangent.T @ directions
-    doubt = np.linalg.norm(tangent.T @ (generator - other) @ tangent, 2)
+    error = np.linalg.norm(tangent.T @ (generator - other) @ tangent, 2)
     same = _range(b)
     beside = _complement(same)
     b = beside.T @ inside @ beside
@@ -124,7 +124,7 @@ def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
     rest = _complement(family)
     if not rest.shape[1]:
         raise _checks.fail("y", "a steady motion with others nearby", "none")
-    reduced = classify(rest.T @ b @ rest, doubt)
+    reduced = classify(rest.T @ b @ rest, error)
     return SteadyMotion(reduced, same.shape[1], family.shape[1])
 
 
@@ -152,7 +152,7 @@ def _linearizations(field: Field, t: Array, y: Array, size: Array, zs: Array) ->
 
 
 def _frame(field: Field, t: Array, y: Array, size: Array, now: tuple, seed: int) -> tuple:
-    """(k, k) derivative of the symmetry that carries the motion, and (k, g) all directions."""
+    """(k, k) derivative of the symmetry that the motion follows, and (k, g) directions of all."""
     f, a = now
     c, m = _symmetries(field, t, y, size, seed)
     weights = np.linalg.lstsq(c.T, f, rcond=_MAX_SYMMETRY_DEFECT)[0]

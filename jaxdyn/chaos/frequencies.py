@@ -40,8 +40,8 @@ class Frequencies(Record):
       bars: (m,) their uncertainty [rad/s]: the change with a weaker window, and the possible shift
         by the rest of the signal. Errors of the samples that look like oscillations are not
         included.
-      amplitudes: (m,) complex, at t = 0 of the samples' times, in the unit of the signal; if the
-        signal is real, it is the real part of the sum.
+      amplitudes: (m,) complex, at t = 0 in the times of the samples, in the unit of the signal; a
+        real signal is the real part of the sum.
       residual: () largest difference of the signal from the sum, relative to the largest sample:
         large for chaotic signals, and where `count` was too small.
     """
@@ -72,9 +72,8 @@ def frequencies(
     Raises:
       ValueError: fewer than 16 samples, samples that are not finite or not equally spaced, no such
         entry, or `dt` missing or not positive.
-    Limits: host only. It needs two samples in the shortest period, some ten of the longest periods
-      in the time, and a time in which oscillations of close frequencies get out of phase by two
-      turns.
+    Limits: host only. It needs two samples in the shortest period, and a time span of some ten of
+      the longest periods, in which oscillations of close frequencies get out of phase by two turns.
     Reference: Laskar (1990), Icarus 88, 266; Laskar (2003), arXiv:math/0305364; Gomez, Mondelo &
       Simo (2010), Discrete Contin. Dyn. Syst. B 14, 41 (joint refinement).
     Example:
@@ -89,7 +88,7 @@ def frequencies(
     _checks.whole("count", count)
     real, middle = not np.iscomplexobj(values), 0.5 * (ts[0] + ts[-1])
     t, scale = ts - middle, float(np.abs(values).max())
-    if t[-1] < 0:  # a motion backwards: the same samples in the order of time
+    if t[-1] < 0:  # a motion backwards in time: its samples are put in the order of time
         t, values = t[::-1], values[::-1]
     if scale == 0.0:
         nothing = np.zeros(0)
@@ -160,15 +159,15 @@ def _strongest(t: np.ndarray, rest: np.ndarray, known: np.ndarray) -> tuple[floa
     n, h = _PADDING * len(t), t[1] - t[0]
     size = np.abs(np.fft.fft(chi * rest, n)) / chi.sum()
     grid = 2 * math.pi * np.fft.fftfreq(n, h)
-    # A frequency found twice would be the remainder of its own error.
+    # A frequency that is found again is only the remainder of its own error.
     near = np.abs(grid[:, None] - known[None]) < _APART * 2 * math.pi / abs(t[-1] - t[0])
     taken = near.any(axis=1)
     if taken.all():
         return 0.0, 0.0
     i = int(np.argmax(np.where(taken, 0.0, size)))
     low, mid, high = np.log(np.maximum(size[[i - 1, i, (i + 1) % n]], np.finfo(float).tiny))
-    bend = low - 2 * mid + high
-    shift = 0.5 * (low - high) / bend if bend < 0 else 0.0
+    curvature = low - 2 * mid + high
+    shift = 0.5 * (low - high) / curvature if curvature < 0 else 0.0
     return float(grid[i] + np.clip(shift, -1, 1) * (grid[1] - grid[0])), float(size[i])
 
 
@@ -177,7 +176,7 @@ def _refine(
 ) -> tuple[np.ndarray, np.ndarray]:
     """All frequencies and amplitudes, by Newton's method on their weighted least squares.
 
-    The unknowns b of f = sum of (a + b t) exp(i w t) are i a dw to first order at the solution.
+    In f = sum of (a + b t) exp(i w t), the unknowns b are i a dw to first order in the change dw.
     """
     weight = np.sqrt(_window(t, power))[:, None]
     for _ in range(_ROUNDS):
@@ -185,8 +184,8 @@ def _refine(
         columns = np.concatenate([waves, waves * (t / t[-1])[:, None]], axis=1)
         found = np.linalg.lstsq(columns, weight[:, 0] * f, rcond=None)[0]
         a, b = np.split(found, 2)
-        held = (w == 0) | (np.abs(b) > np.abs(a))  # a mean; or a step that is too long
-        change = np.where(held, 0.0, (b / np.where(a == 0, 1.0, a)).imag / t[-1])
+        fixed = (w == 0) | (np.abs(b) > np.abs(a))  # a mean; or a step that is too long
+        change = np.where(fixed, 0.0, (b / np.where(a == 0, 1.0, a)).imag / t[-1])
         w = w + change
         if np.abs(change).max() <= np.finfo(float).eps * max(np.abs(w).max(), 1 / t[-1]):
             break

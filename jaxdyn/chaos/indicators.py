@@ -44,7 +44,7 @@ class Deviations(System):
       field: the field of the motion.
       sizes: (k,) sizes of the entries of its state.
       count: m, the number of tangents.
-      averaged: whether the four entries of `Averages` follow, for the first tangent.
+      averaged: whether the four averages of the first tangent follow (`_averages`).
     """
 
     field: Field
@@ -168,7 +168,7 @@ def megno(
         starts of `params`, or the scene's own.
       t1: () or (...) end time [s], after or before t0; the scene's own span by default.
       t0: () or (...) start time [s].
-      params: the scene with a first axis in numbers that differ; see `ensemble.run`.
+      params: the scene with a leading axis in the numbers that differ; see `ensemble.run`.
       rtol: relative tolerance of a step.
       progress: show a bar.
     Returns:
@@ -177,7 +177,7 @@ def megno(
       ValueError: the rate jumps with the state, as by dry friction; or see `ensemble.run`.
     Limits: host only, no derivatives. The value is 2 for tangents that grow in proportion to time;
       it tends to 0 where frequencies do not depend on the amplitude (a harmonic oscillator), and
-      to less where motions are attracted.
+      becomes negative where motions are attracted.
     Reference: Cincotta & Simo (2000), Astron. Astrophys. Suppl. 147, 205; Gozdziewski, Bois,
       Maciejewski & Kiseleva-Eggleton (2001), Astron. Astrophys. 378, 569.
     Example:
@@ -216,7 +216,7 @@ def sali(
       starts: (..., k) starts.
       t1: () or (...) end time [s].
       t0: () or (...) start time [s].
-      params: the scene with a first axis in numbers that differ.
+      params: the scene with a leading axis in the numbers that differ.
       rtol: relative tolerance of a step.
       progress: show a bar.
     Returns:
@@ -260,7 +260,7 @@ def gali(
       t1: () or (...) end time [s].
       count: number of tangents, between 2 and the number of entries of the state.
       t0: () or (...) start time [s].
-      params: the scene with a first axis in numbers that differ.
+      params: the scene with a leading axis in the numbers that differ.
       rtol: relative tolerance of a step.
       progress: show a bar.
     Raises:
@@ -343,7 +343,7 @@ class _Run:
         _checks.check_on_host("scene", (scene, params))
         self.scene, self.params = check_scene(scene), params
         self.count, self.averaged = count, averaged
-        self.sizes = np.zeros((0, len(self.scene.y0)))  # (n, k) of each motion, once it is known
+        self.sizes = np.zeros((0, len(self.scene.y0)))  # (n, k), set by `run_all`
 
     def system(self, sizes: np.ndarray, scene: Scene | None = None) -> Deviations:
         """The system of a scene with its tangents, whose entries have sizes (k,), or (n, k)."""
@@ -357,7 +357,7 @@ class _Run:
     def run_all(
         self, starts, t0, t1, rtol: float, progress: bool, watch: Watch | None = None
     ) -> tuple[Ends, tuple[int, ...]]:
-        """The ends of all motions in a row, and the axes of the starts."""
+        """The ends of all motions along one axis, and the axes of the starts."""
         _checks.check_untraced("starts and times", (starts, t0, t1, rtol))
         own = self.scene if self.params is None else self.params
         starts = host_floats(own.y0 if starts is None else starts, "starts")
@@ -395,7 +395,7 @@ class _Run:
         return tangents / self.sizes[:, None]
 
     def _with_tangents(self, starts: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-        """The starts (n, k) with tangents in generic directions, which are the same in sizes."""
+        """The starts (n, k) with generic tangents, which are the same for all in their sizes."""
         n, k = starts.shape
         u = np.random.default_rng(0).normal(size=(self.count, k)) * sizes[:, None]
         averages = np.zeros((n, 4 if self.averaged else 0))

@@ -43,9 +43,9 @@ from jaxdyn.system import Record
 # Householder's (Giraud, Langou & Rozloznik 2005), without LAPACK inside the loop.
 
 
-#: A factor that is as good as 0: nearby motions merge there, as where dry friction stops them.
+#: A smaller factor counts as 0: nearby motions merge there, as where dry friction stops them.
 _LOST = 1e-10
-#: What stands for its logarithm, minus infinity, during a chunk.
+#: It stands for the logarithm of 0, minus infinity, within a chunk.
 _MERGED = -1e100
 
 
@@ -76,7 +76,7 @@ class TangentsAndDivergence(eqx.Module, FieldAround):
 
     @property
     def perturbed(self) -> list[tuple[Array, Array]]:
-        """None of the field's numbers."""
+        """The perturbed numbers of the field: none."""
         return []
 
     def around(self, change: Callable, branch: Any) -> "TangentsAndDivergence":
@@ -84,7 +84,7 @@ class TangentsAndDivergence(eqx.Module, FieldAround):
         return TangentsAndDivergence(self.field.around(change, branch))
 
     def jump(self, t: Array, y: Array, old: Branch, new: Branch, which: Array) -> Array:
-        """State and tangents after a switch; how it stretches volumes counts as divergence."""
+        """State and tangents after a switch; its stretching of volumes counts as divergence."""
         k = y.shape[0]
         columns = jnp.concatenate([y[:, :-1], jnp.eye(k)], axis=1)
         columns = self.field.jump(t, columns, old, new, which)
@@ -221,12 +221,12 @@ class LyapunovSpectrum(Record):
         exponents; minus infinity where nearby motions merge, as where dry friction stops them.
       trace_residual: () sum of all exponents minus `divergence` [1/s]: the error of the
         integration, not of the average; NaN for an incomplete spectrum.
-      pairing_residual: () largest deviation of the sum of the i-th exponent from above and the i-th
-        from below from its value 2 `divergence` / k [1/s]. It is within the bars for Hamiltonian
-        scenes, also with uniform damping (Dressler 1988), and has no meaning for others. It is an
-        error of the integration alone if positions and momenta pair one by one in a constant
-        symplectic form; if the form depends on the state, or pairs positions with each other, as in
-        a rotating frame, it only tends to 0, as 1 / `time`. NaN for an odd or incomplete spectrum.
+      pairing_residual: () largest deviation of the sum of the i-th largest and the i-th smallest
+        exponent from 2 `divergence` / k [1/s]. It is within the bars for Hamiltonian scenes, also
+        with uniform damping (Dressler 1988), and has no meaning for others. It is an error of the
+        integration alone if positions and momenta pair one by one in a constant symplectic form; if
+        the form depends on the state, or pairs positions with each other, as in a rotating frame,
+        it only tends to 0, as 1 / `time`. NaN for an odd or incomplete spectrum.
       dimension: () Kaplan-Yorke dimension [1]: that of the set on which the motion runs, if its
         volume neither grows nor shrinks; NaN if too few exponents are known.
       dimension_bar: () its error bar [1], from those of the exponents.
@@ -324,8 +324,8 @@ def _kaplan_yorke(batches: Array, shear: Array, full: bool) -> tuple[Array, Arra
     """
     exponents, bars = _mean(batches, shear)
     sums, sum_bars = _mean(jnp.cumsum(batches, axis=1), shear)
-    held = sums >= -sum_bars
-    j = jnp.sum(jnp.cumprod(held.astype(int)))
+    nonnegative = sums >= -sum_bars
+    j = jnp.sum(jnp.cumprod(nonnegative.astype(int)))
     m = len(exponents)
     before = jnp.where(j > 0, jnp.take(sums, j - 1, mode="clip"), 0.0)
     before_bar = jnp.where(j > 0, jnp.take(sum_bars, j - 1, mode="clip"), 0.0)
@@ -449,9 +449,9 @@ def _checked_transient(transient, time: float) -> float:
 def _pairing_sizes(scene: Scene, sizes: np.ndarray) -> np.ndarray:
     """Sizes (k,) in which the entries of a constant symplectic form are 1.
 
-    Exponents come in pairs in the limit of long times, whatever the sizes. In these the form turns
-    an orthonormal frame into another one, so that they come in pairs from the time on at which the
-    frame has aligned; in others the sums differ by the logarithm of a ratio of sizes over the time.
+    Exponents come in pairs in the limit of long times, whatever the sizes. In these sizes the form
+    maps an orthonormal frame to another one, so that they do once the frame has aligned; in others
+    the sums of pairs are off by the logarithm of a ratio of sizes, divided by the time.
     """
     form = invariant_form(scene, sizes)
     return sizes if form is None else sizes * balancing(np.abs(form))

@@ -18,7 +18,7 @@ from jaxdyn.scene import Scene
 from jaxdyn.status import Status
 from jaxdyn.system import Record
 
-#: The file of a map, and how many motions are in a line.
+#: The layout of a map's file, and the number of motions in one of its lines.
 _LAYOUT = Layout("jaxdyn-chaos-map", 1, "jaxdyn.chaos.chaos_map")
 _CHUNK = 1024
 

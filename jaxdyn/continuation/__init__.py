@@ -1,9 +1,9 @@
 """The branch engine, and families of equilibria in a parameter.
 
-`branch` follows whatever is posed to it as a problem: it has the predictor, the locator of special
-points, step control, and the loop, which `checkpoint` keeps in a file that `loading` reads.
-`newton` is the corrector. Families of orbits, their curves in two parameters and tori are problems
-of it too (`orbits`).
+`branch` follows any curve of solutions that is posed as a problem: it has the predictor, the
+locator of special points, step control, and the loop, whose steps `checkpoint` saves in a file that
+`loading` reads. `newton` is the corrector. `orbits` poses families of orbits, their curves in two
+parameters and tori as such problems.
 
 `equilibria` poses families of equilibria, followed by pseudo-arclength, and steps onto branches;
 `family` holds their points. `special` finds folds, branch points and Hopf points between two points

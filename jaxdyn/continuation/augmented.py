@@ -63,8 +63,8 @@ def hopf(make: MakeOfTwo, unknowns: Array, frame: Frame) -> Array:
     x, v, square = unknowns[: k + 2], unknowns[k + 2 : -1], unknowns[-1]
     value, derivative = jax.linearize(lambda x: _rate(make, x), x)
     twice = derivative(_in_state(derivative(_in_state(v))))
-    held = frame.rows @ v - jnp.array([1.0, 0.0])
-    return jnp.concatenate([value, twice + square * v, held, _in_plane(x, frame)])
+    normalised = frame.rows @ v - jnp.array([1.0, 0.0])
+    return jnp.concatenate([value, twice + square * v, normalised, _in_plane(x, frame)])
 
 
 def _in_state(v: Array) -> Array:
@@ -89,16 +89,16 @@ def solve(
 def tangent(
     kind: Kind, make: MakeOfTwo, unknowns: np.ndarray, along: np.ndarray
 ) -> np.ndarray | None:
-    """(n,) the direction of the curve that points the same way as `along` (k + 2,)."""
+    """(n,) the tangent of the curve, oriented along `along` (k + 2,); None if there is none."""
     size = len(along)
     frame = Frame(rows=_rows(kind, make, unknowns, size), point=unknowns[:size], along=along)
     jacobian = defining.jacobian(SYSTEMS[kind], make, unknowns, frame)
     try:
-        way = np.linalg.solve(jacobian, np.append(np.zeros(len(jacobian) - 1), 1.0))
+        direction = np.linalg.solve(jacobian, np.append(np.zeros(len(jacobian) - 1), 1.0))
     except np.linalg.LinAlgError:
         return None
-    way = way / np.linalg.norm(way[:size])
-    return way if np.isfinite(way).all() else None
+    direction = direction / np.linalg.norm(direction[:size])
+    return direction if np.isfinite(direction).all() else None
 
 
 def first_unknowns(
@@ -110,7 +110,8 @@ def first_unknowns(
       kind: kind of the curve.
       make: (p, q) -> scene.
       x: (k + 2,) state and parameters.
-      other: take the pair of eigenvalues whose frequency differs most from this one.
+      other: a frequency; the pair of eigenvalues whose frequency differs most from it is taken.
+        None for the pair nearest to the imaginary axis.
     """
     a = slopes(make, x)[:, :-1]
     if kind == Kind.FOLD:
@@ -127,8 +128,8 @@ def first_unknowns(
         near = np.abs(sums) < _PAIRED * np.linalg.norm(a, 2)
         best = int(np.argmax(np.where(near, apart, -1.0)))
     square = float(products[best])
-    # The vector is in the critical plane, nearer to the vector of the largest rate: away from the
-    # eigenvector that is left of the plane at a Bogdanov-Takens point.
+    # The vector is in the critical plane, closer to the direction in which A is largest: away from
+    # the only eigenvector in the plane at a Bogdanov-Takens point.
     plane = np.linalg.svd(a @ a + square * np.eye(len(a)))[2][-2:]
     vector = np.array([0.8, 0.6]) @ np.linalg.svd(a @ plane.T)[2] @ plane
     return np.concatenate([x, vector, [square]])

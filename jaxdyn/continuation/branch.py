@@ -4,8 +4,8 @@ A branch is a curve of solutions: equilibria or orbits in a parameter, folds in 
 tori. To follow one, pose it as a `BranchProblem`, which has a `Chart` near each member: the
 unknowns in units in which lengths and angles are meaningful, and the equations for Newton's method.
 Everything else is implemented here, once: a step predicts along the tangent and corrects in the
-plane across it (Keller's pseudo-arclength continuation); steps are shorter where none succeeds and
-longer where Newton's method converges easily; a special point between two neighbours is located
+plane across it (Keller's pseudo-arclength continuation); steps are shortened where one fails and
+lengthened where Newton's method converges easily; a special point between two neighbours is located
 where a test changes sign, by the Illinois method, and so is the member on the bound at which a
 branch ends; and a branch is kept in a file, from which an interrupted run resumes (`checkpoint`).
 
@@ -41,12 +41,12 @@ _INTERRUPTED = "an interruption"
 CLOSED = "the first one again: it is closed"
 _EASY = 4  # with at most this many Newton steps the next step may be longer
 _GROW, _SHRINK = 1.5, 0.5
-_CAREFUL = 1 / 16  # part of the first step down to which a step in doubt is shortened
-_TRIALS = 60  # most points along the branch to locate a special one
-#: Relative distances of a number from a bound: that to which the member on it is located; on it but
-#: for rounding; the largest of a last member, and of a special point, that is said to be on it.
+_CAREFUL = 1 / 16  # part of the first step down to which a doubtful step is shortened
+_TRIALS = 60  # largest number of trial points to locate a special point
+#: Relative distances of a number from a bound: that to which the member on it is located; that
+#: which counts as rounding; that within which a last member, or a special point, counts as on it.
 _MET, _ROUNDING, _ON_BOUND = 1e-13, 1e-12, 1e-9
-_LEAST = 1e-3  # part of its unit of which a smaller number is thought to have the size
+_LEAST = 1e-3  # part of its unit: a smaller number counts as of this size
 
 Member = TypeVar("Member")
 
@@ -90,13 +90,13 @@ class Step(NamedTuple, Generic[Member]):
 
 
 class Bounded(NamedTuple):
-    """A number of a member that has bounds, or several; NaN for one that the branch does not have.
+    """One or several numbers of a member that have bounds; NaN for one that the branch lacks.
 
     Attributes:
       values: the number, or (n,) several.
       within: its bounds, or a pair for each of several.
       of: what they are bounds on, such as "on the energy, "; "" for the parameters.
-      units: units of the numbers, () or (n,): near 0 they are known relative to these.
+      units: units of the numbers, () or (n,): near 0 accuracy is relative to these.
     """
 
     values: Any
@@ -111,7 +111,7 @@ class Bounded(NamedTuple):
 
     @property
     def edges(self) -> Iterator[tuple[float, float]]:
-        """For each finite bound how far the number is beyond it, and the size of both."""
+        """For each finite bound, how far the number is beyond it, and the larger of both sizes."""
         values = np.ravel(self.values)
         least = _LEAST * np.broadcast_to(self.units, values.shape)
         for sign, bounds in zip((-1.0, 1.0), np.reshape(self.within, (-1, 2)).T, strict=True):
@@ -124,11 +124,11 @@ class Bounded(NamedTuple):
 class Chart(abc.ABC, Generic[Member]):
     """A branch near one of its members, with unknowns in the units of that member.
 
-    A method that fails returns a text that says why, in place of a result.
+    A method that fails returns the reason as text in place of a result.
 
     Attributes:
-      measured: the unknowns that lengths and angles are measured in.
-      reach: longest correction, in lengths of the step; a longer one leads to another branch.
+      measured: index of the unknowns in which lengths and angles are measured.
+      reach: longest correction, in lengths of the step; a longer one may reach another branch.
       turn: smallest cosine between the tangents of neighbours.
       resolution: relative distance within which two members are the same, for the locator.
     """
@@ -147,7 +147,7 @@ class Chart(abc.ABC, Generic[Member]):
         """The solution near a start (n,), in the plane through a point (n,) across the tangent."""
 
     def tangent(self, last: Member, found: Correction) -> np.ndarray | str:
-        """(n,) the direction of the branch at a solution, with the sense that it has at `last`."""
+        """(n,) the tangent of the branch at a solution, oriented as at `last`."""
         del last
         return self.place(found.solution).tangent
 
@@ -194,8 +194,8 @@ class Chart(abc.ABC, Generic[Member]):
         found = self.correct(last, predicted, predicted)
         if isinstance(found, str):
             return found
-        off = float(np.linalg.norm((found.x - predicted)[self.measured]))
-        if not off <= self.reach * abs(length):
+        correction = float(np.linalg.norm((found.x - predicted)[self.measured]))
+        if not correction <= self.reach * abs(length):
             return "Newton's method does not converge nearby"
         tangent = self.tangent(last, found)
         if isinstance(tangent, str):
@@ -205,7 +205,7 @@ class Chart(abc.ABC, Generic[Member]):
         new = self.member(last, found, tangent)
         if isinstance(new, str):
             return new
-        return Step(new, self.growth(last, new, found.iterations, off / abs(length)))
+        return Step(new, self.growth(last, new, found.iterations, correction / abs(length)))
 
     def along(self, a: Member, b: Member) -> float:
         """The distance from one member to another, along the tangent of the first."""
@@ -213,10 +213,10 @@ class Chart(abc.ABC, Generic[Member]):
         return float(here.tangent[self.measured] @ (there.x - here.x)[self.measured])
 
     def between(self, a: Member, b: Member, share: float) -> Member | None:
-        """The member after a fraction of the way from one to another; None if there is none."""
+        """The member at a fraction of the way from one to another; None if there is none."""
         here, there = self.place(a), self.place(b)
         plane = here.x + share * self.along(a, b) * here.tangent
-        # It starts on the chord: the equations may be singular at a special point itself.
+        # It starts on the chord, since the equations may be singular at a special point itself.
         found = self.correct(a, here.x + share * (there.x - here.x), plane)
         if isinstance(found, str):
             return None
@@ -225,7 +225,7 @@ class Chart(abc.ABC, Generic[Member]):
         return None if isinstance(new, str) else new
 
     def at_end(self, a: Member, b: Member, share: float, resolution: float | None = None) -> bool:
-        """Whether the position after a fraction of the way from one to another is one of them."""
+        """Whether the position at a fraction of the way from one to another is that of an end."""
         size = 1.0 + np.linalg.norm(self.place(a).x[self.measured])
         least = (resolution or self.resolution) * size
         return not min(share, 1 - share) * abs(self.along(a, b)) > least
@@ -242,9 +242,9 @@ class Chart(abc.ABC, Generic[Member]):
         """The member between two neighbours where a test is zero, by the Illinois method.
 
         None if the test has no zero there (`changes_sign`). Where the bracket cannot be divided
-        further, it is the best member found; the caller has to say whether its test is small
-        enough. A test that is a number of the member itself, and not of its motion, may ask for
-        more digits than those to which members differ: until it is as small as `enough`.
+        further, it is the best member found; the caller must check that its test is small enough.
+        A test of a number of the member itself, not of its motion, can be more accurate than
+        `resolution`: with `enough`, the search goes on until the test is as small as that.
         """
         goal, resolution = (0.0, None) if enough is None else (enough, Chart.resolution)
         left, right, side = test(a), test(b), 0
@@ -300,7 +300,7 @@ class BranchProblem(abc.ABC, Generic[Member]):
         del chart, first, a, b
 
     def end_before(self, new: Member, special: list[Member]) -> str:
-        """Why the branch ends without a new member; "" if it does not."""
+        """Why the branch ends before a new member; "" if it does not."""
         del new, special
         return ""
 
@@ -318,7 +318,7 @@ class BranchProblem(abc.ABC, Generic[Member]):
         return member
 
     def identity(self, first: Member, member: Member) -> np.ndarray:
-        """(n,) numbers that distinguish a member from others: its place, in units of the first."""
+        """(n,) numbers that identify a member: its place, in the units of the first member."""
         chart = self.chart(first)
         return np.concatenate(chart.place(chart.inward(member)))
 
@@ -420,9 +420,9 @@ def _advances(
 def _advance(
     problem: BranchProblem, first, last, length: float, step: float
 ) -> tuple[Advance, bool]:
-    """The next step, which is shortened while no member is found at its length.
+    """The next step, shortened until it finds a member, and whether to save it in the file.
 
-    And whether it is for the file: other bounds may lead on where these leave no new member.
+    A step without a member because of the bounds is not saved, as wider bounds may lead on.
     """
     chart = problem.chart(last)
     here = chart.inward(last)
@@ -440,7 +440,7 @@ def _advance(
     special, until, end = _Edge(problem, chart, here, new.member).cut(special, until)
     special = [chart.outward(x) for x in special]
     if until is None:
-        # A step to what is no member does not lead beyond the bounds.
+        # The bounds are not the reason where the branch ends before this point in any case.
         why = problem.end_before(chart.outward(new.member), special) or end
         return Advance(None, special, length, why), False
     member = chart.outward(until)
@@ -454,7 +454,7 @@ def _advance(
 
 
 def _of_file(problem: BranchProblem, last, advance: Advance) -> Advance:
-    """A step that a file has, within bounds that may be others than those of its run."""
+    """A step from the file, cut at the bounds, which may differ from those of its own run."""
     if advance.member is None:
         return advance
     chart = problem.chart(last)
@@ -468,7 +468,7 @@ def _of_file(problem: BranchProblem, last, advance: Advance) -> Advance:
 
 
 class _Edge(Generic[Member]):
-    """The bounds of a branch, on the way from a member to the next one."""
+    """The bounds of a branch between a member and the next one."""
 
     def __init__(self, problem: BranchProblem[Member], chart: Chart[Member], here, new):
         self.problem, self.chart, self.here = problem, chart, here
@@ -479,9 +479,9 @@ class _Edge(Generic[Member]):
     def cut(self, special: list[Member], new: Member) -> tuple[list[Member], Member | None, str]:
         """The special points within the bounds, the last member there, and why the branch ends.
 
-        Special points are in order: where a branch leaves the bounds and returns within a step,
-        there is one beyond them. The last member is the new one, and the reason "", if the branch
-        does not leave them. It is None if there is none besides that from which the step begins.
+        Special points are in order: if a branch leaves the bounds and returns within a step, one
+        of them is beyond the bounds. If the branch does not leave them, the last member is the new
+        one and the reason "". The last member is None if it is the one at which the step begins.
         """
         for n, point in enumerate(special):
             until, end = self._towards(point, _ON_BOUND)
@@ -538,7 +538,7 @@ def check_bounds(name: str, bounds: Sequence) -> None:
 
 
 def inside(value: float, within: Sequence) -> bool:
-    """Whether a number is within its bounds, or on one but for rounding."""
+    """Whether a number is within its bounds up to rounding."""
     low, high = within
     off = _ROUNDING * max((abs(x) for x in within if math.isfinite(x)), default=0.0)
     return low - off <= value <= high + off
@@ -550,5 +550,5 @@ def bounds_reason(within: Sequence, of: str = "") -> str:
 
 
 def _plain(bounds: Any) -> Any:
-    """Bounds, or tuples of them, in numbers of Python, which print alike."""
+    """Bounds, or tuples of them, as Python numbers, which all print alike."""
     return tuple(map(_plain, bounds)) if np.ndim(bounds) else np.asarray(bounds).item()

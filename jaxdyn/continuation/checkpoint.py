@@ -30,7 +30,7 @@ OTHER = "The file was edited or damaged, or its scenes are others."
 #: The kinds of walks of this package.
 WHATS = EQUILIBRIA, CURVE = "equilibria", "curve"
 _MIXED = "Two programs wrote it at the same time. Begin another one."
-_PATIENCE = 1.0  # [s]; a program that writes a file usually does so for longer
+_PATIENCE = 1.0  # [s] to wait for another program; one that writes a file usually takes longer
 _SAME = 1e-8  # relative distance below which two first members are the same
 
 
@@ -95,8 +95,8 @@ class Begin:
 
         Args:
           other: the beginning of another walk.
-          place: the place of this first member in the units of the other one: those of `self.place`
-            may be others, of an earlier version.
+          place: computes the place of this first member in the units of the other one; `self.place`
+            may be in other units, those of an earlier version.
         """
         if (self.what, self.about) != (other.what, other.about):
             return False

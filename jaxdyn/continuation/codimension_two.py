@@ -11,8 +11,8 @@ the second derivative of the rate:
   smallest sum of two of them, with the sign of the product of all.
 
 All but the tests of a cusp, and of a Bogdanov-Takens point on a curve of folds, are divided by
-1 + |A|. Those two are angles between vectors, which a large eigenvalue of another direction leaves
-alone.
+1 + |A|. Those two are products of unit vectors, which a large eigenvalue in another direction does
+not affect.
 
 Reference: Kuznetsov (2004), Elements of Applied Bifurcation Theory, 3rd edition, chapters 8 and 10.
 """
@@ -34,8 +34,8 @@ from jaxdyn.scales import Groups
 
 #: Largest test at a special point. At a pole, where a test changes sign as well, it is large.
 GOAL = 1e-10
-_NOTHING = 1e-13  # below it a test vanishes all along, as in conservative scenes
-_SHORT = 0.98  # part of the way to a Bogdanov-Takens point, beyond which there are no Hopf points
+_NOTHING = 1e-13  # a smaller test counts as 0: in conservative scenes some vanish everywhere
+_SHORT = 0.98  # part of the way to a final Bogdanov-Takens point on which others are searched
 
 Tests = dict[CodimensionTwo, float]
 
@@ -49,7 +49,7 @@ def point_at(
       curve: kind of the curve.
       make: (p, q) -> scene.
       found: the solution of the point's equations.
-      along: (k + 2,) direction that its tangent is to have.
+      along: (k + 2,) vector along which its tangent is oriented.
       left: (k,) null vector of the neighbour, whose sign is kept.
     """
     size = len(along)
@@ -89,15 +89,15 @@ def _fold_tests(make: WithSecond, unknowns, values, a, w: np.ndarray) -> tuple[T
     v = unknowns[k + 2 :] / np.linalg.norm(unknowns[k + 2 :])
     flat = np.append(v, 0.0)
     curvature = normal_forms.second(make, unknowns[: k + 1], flat, flat)
-    turning = float(w @ curvature)
-    double = float(w @ v)
+    quadratic = float(w @ curvature)
+    product = float(w @ v)
     rest = np.delete(values.values, np.argmin(np.abs(values.values)))
     tests = {
-        CodimensionTwo.CUSP: turning / (1.0 + float(np.linalg.norm(curvature))),
-        CodimensionTwo.BOGDANOV_TAKENS: double,
+        CodimensionTwo.CUSP: quadratic / (1.0 + float(np.linalg.norm(curvature))),
+        CodimensionTwo.BOGDANOV_TAKENS: product,
         CodimensionTwo.ZERO_HOPF: signed_least_sum(rest, np.zeros(len(rest))) / _scale(a),
     }
-    return tests, turning / (2 * double) if abs(double) > GOAL else math.nan
+    return tests, quadratic / (2 * product) if abs(product) > GOAL else math.nan
 
 
 def _hopf_tests(make: WithSecond, unknowns, values, a: np.ndarray) -> tuple[Tests, float]:

@@ -44,7 +44,7 @@ class WithSecond(eqx.Module):
         return self.make(first, self.second)
 
 
-_PART_OF_STEP = 0.1  # largest distance from a chord of a point on the curve, in lengths of it
+_PART_OF_STEP = 0.1  # largest distance of a point on the curve from a chord, in chord lengths
 _ROUNDING = 1e-12  # printed parameters below this part of the largest of the curve are 0
 
 
@@ -136,7 +136,7 @@ class ParameterCurve(abc.ABC, Generic[Point]):
 
     @_text.never_raising
     def __repr__(self) -> str:
-        # What is nothing beside the rest of the curve is 0 up to rounding.
+        # A parameter that is negligible against the rest of the curve is 0 up to rounding.
         sizes = _ROUNDING * np.abs(self.parameters).max(axis=0)
         special = [f"{x.kind} at {_text.brief(_chop(x.parameters, sizes))}" for x in self.special]
         ranges = zip(self.names, _chop(self.parameters, sizes).T, strict=True)
@@ -213,7 +213,7 @@ class Curve(ParameterCurve[CurvePoint]):
         return np.array([member.state for member in self.members])
 
     def passes(self, x) -> bool:
-        """Whether it passes a point (k + 2,), state and parameters, as far as its chords tell."""
+        """Whether it passes a point (k + 2,), state and parameters, judged by its chords."""
         members = np.array([member.x for member in self.members])
         extent = np.ptp(members, axis=0)
         sizes = np.where(extent > 0, extent, 1.0)
@@ -222,9 +222,10 @@ class Curve(ParameterCurve[CurvePoint]):
 
 
 def beside_chords(points: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where on each chord of points (n, k) is nearest to a point (k,), and how far, in its length.
+    """The place on each chord of points (n, k) that is nearest to a point (k,), and its distance.
 
-    The first, (n - 1,), is a part of the chord; beside a bend it is one of its ends.
+    Both are (n - 1,): the place as a fraction of the chord, 0 or 1 where an end is nearest, and the
+    distance in lengths of the chord.
     """
     off, along = x - points[:-1], np.diff(points, axis=0)
     squares = np.maximum(np.sum(along**2, 1), np.finfo(float).tiny)

@@ -71,14 +71,14 @@ def hopf(make: Make, unknowns: Array, normal: Array) -> Array:
     value, derivative = jax.linearize(lambda x: rate(make, x), x)
     real = derivative(jnp.append(v, 0.0)) + w * r
     imaginary = derivative(jnp.append(r, 0.0)) - w * v
-    held = jnp.stack([normal[0] @ v - normal[1] @ r - 1.0, normal[0] @ r + normal[1] @ v])
-    return jnp.concatenate([value, real, imaginary, held])
+    normalised = jnp.stack([normal[0] @ v - normal[1] @ r - 1.0, normal[0] @ r + normal[1] @ v])
+    return jnp.concatenate([value, real, imaginary, normalised])
 
 
 def arc(make: Make, unknowns: Array, normal: Array) -> Array:
     """The equations of an equilibrium in a hyperplane; unknowns (y, p), normal (2, k + 1).
 
-    Its rows are a point of the plane and the direction normal to it.
+    The rows of `normal` are a point of the plane and the direction normal to it.
     """
     point, along = normal
     return jnp.append(rate(make, unknowns), along @ (unknowns - point))

@@ -1,7 +1,7 @@
 """Families of equilibria, followed by pseudo-arclength in state and parameter together.
 
 Folds are regular points of such a family. At a simple branch point `switch_branch` follows the
-other family through it, whose direction solves the quadratic equation of second derivatives there.
+other family through it, whose tangent solves a quadratic equation with second derivatives there.
 
 Reference: Keller (1977), in Rabinowitz (ed.), Applications of Bifurcation Theory, 359; Govaerts
 (2000), Numerical Methods for Bifurcations of Dynamical Equilibria, chapter 2.
@@ -44,11 +44,13 @@ from jaxdyn.formulations.extended import innermost
 from jaxdyn.scales import Groups, groups
 from jaxdyn.scene import Scene, check_scene
 
-_DEPENDENT = 1e-10  # ratio of the smallest to the largest singular value of dependent equations
-_SAME_PARAMETER = 1e-6  # relative distance of a fold from the parameter of a start, to begin there
+_DEPENDENT = 1e-10  # largest ratio of least to largest singular value of dependent equations
+_SAME_PARAMETER = 1e-6  # largest relative distance of a fold at the start from its parameter
 _LOST = "no equilibrium was found beyond: a singularity of the rate, or a branch point"
-_LATER = (0.0, 0.37, 1.3)  # times of neighbouring motions at which a forcing is searched for
-_SAME_RATE = 1e-12  # rounding: a change of a rate with time, relative to that with the state
+_LATER = (0.0, 0.37, 1.3)  # times of the test for forcing, in the time of motions nearby
+_SAME_RATE = (
+    1e-12  # largest change of a rate with time by rounding, relative to that with the state
+)
 _ASIDE = 0.1  # distance from the start, as a part of the sizes, for the same test
 
 
@@ -75,12 +77,12 @@ def continue_equilibria(
         start and span do not matter. A program is compiled for each function, so define it once.
       parameter: the value of the parameter at the start.
       start: (k,) state near an equilibrium; or (k/2,) coordinates of a state [q, v], with
-        dq/dt = v, at rest. It may be a fold to within some six digits.
+        dq/dt = v, at rest. It may be a fold, known to about six digits.
       step: length of the first step in state and parameter, each in units of its size (`units`);
         the other steps are up to ten times as long.
       members: largest number of members.
-      down: start towards a smaller parameter; at a fold, opposite to the default, in which the
-        entry of the state that changes most grows.
+      down: start towards a smaller parameter; at a fold, opposite to the default direction, in
+        which the entry of the state that changes most grows.
       within: bounds on the parameter; a family that leaves them ends with the member on the bound.
       report: called with each member as it is found.
       path: a file (.jsonl) that saves each member as it is found, and may contain several families
@@ -92,8 +94,8 @@ def continue_equilibria(
       ValueError: there is no equilibrium near `start`, the scene depends on time or has
         constraints, its equilibria are not isolated at a fixed parameter even after a small
         change of it (redundant coordinates), or a number is out of range or traced.
-    Limits: host only. Where two points of a kind are at the same place, as they may be where the
-      scene is symmetric, one is found, without coefficients. Opposite eigenvalues of a conservative
+    Limits: host only. Where two points of a kind coincide, as they may in a symmetric scene, one
+      is found, without coefficients. Opposite eigenvalues of a conservative
       scene rule out the test for Hopf points: such a scene has none in this sense. Angles are not
       reduced modulo a turn.
     Reference: Govaerts (2000), Numerical Methods for Bifurcations of Dynamical Equilibria;
@@ -185,7 +187,7 @@ def _first(make: Make, parameter: float, start, down: bool) -> Equilibrium:
         remedy = "It has no equilibria; follow its periodic motions instead."
         raise _checks.fail("make", "an autonomous scene", "one that depends on time", remedy)
     start, up = np.append(y, parameter), np.append(np.zeros(k), -1.0 if down else 1.0)
-    for _ in range(2):  # once more in the units of what was found: a start may be far from it
+    for _ in range(2):  # the second time in the units of what was found: a start may be far off
         units = units_at(make, start, k)
         within = units.scene(make)
         x = start / units.x
@@ -221,13 +223,13 @@ def _fold_at(make: InUnits, near: Equilibrium) -> Solution | None:
 
 
 def _largest_grows(tangent: np.ndarray, down: bool) -> np.ndarray:
-    """A tangent in the sense in which the state's largest entry grows, or falls with `down`."""
+    """A tangent along which the entry of the state that changes most grows, or falls if `down`."""
     return tangent * (-1.0 if (tangent[np.argmax(np.abs(tangent[:-1]))] < 0) != down else 1.0)
 
 
 def _driven(scene: Scene, y: np.ndarray) -> bool:
     sizes, time, _ = at_rest(scene.field, groups(scene.system), y)
-    # It also tests states near the start: a shaken pendulum at rest does not feel the forcing.
+    # States near the start are tested too: a shaken pendulum at rest does not feel the forcing.
     states = jnp.stack([y, y + _ASIDE * np.asarray(sizes)])
 
     def derivatives(t):
@@ -239,7 +241,7 @@ def _driven(scene: Scene, y: np.ndarray) -> bool:
 
     later = jnp.asarray(_LATER) * time
     change, own = map(np.asarray, jax.jit(jax.vmap(derivatives))(later))
-    # A turning hoop has a rate that does not depend on time, up to rounding.
+    # The rate of a bead on a turning hoop depends on time only by rounding.
     return bool(np.any(np.abs(change) > _SAME_RATE * own.max(axis=(0, 1))))
 
 
@@ -284,12 +286,12 @@ def _other_tangent(make: InUnits, special: Equilibrium) -> np.ndarray:
     u, _, vt = np.linalg.svd(special.slopes)
     psi, plane = u[:, -1], vt[-2:]
     form = np.array([[psi @ second(make, special.x, v, w) for w in plane] for v in plane])
-    # Both families are zeros of the form: roots of a quadratic in the angle of the plane.
+    # The tangents of both families are the zeros of this quadratic form in the plane.
     values, vectors = np.linalg.eigh(form)
     if not values[0] * values[1] < 0:
         remedy = "More than two families meet there, or they touch."
         raise _checks.fail("special", "a simple branch point", "another", remedy)
     root = np.sqrt(np.abs(values[::-1]))
-    ways = [(vectors @ (root * sign)) @ plane for sign in ((1.0, 1.0), (1.0, -1.0))]
-    ways = [way / np.linalg.norm(way) for way in ways]
-    return min(ways, key=lambda way: abs(way @ special.tangent))
+    tangents = [(vectors @ (root * sign)) @ plane for sign in ((1.0, 1.0), (1.0, -1.0))]
+    tangents = [tangent / np.linalg.norm(tangent) for tangent in tangents]
+    return min(tangents, key=lambda tangent: abs(tangent @ special.tangent))

@@ -16,7 +16,7 @@ from jaxdyn.analysis.energy_extremum import is_extremum_of_energy
 from jaxdyn.continuation.defining import Make, slope_at
 from jaxdyn.continuation.kinds import CodimensionTwo, Kind
 
-_ZERO = 1e-6  # part of the frequency below which another eigenvalue of a Hopf point is 0
+_ZERO = 1e-6  # part of the frequency: another eigenvalue of a Hopf point below it counts as 0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -173,17 +173,17 @@ class EquilibriumFamily:
 
 
 def equilibrium_at(make: Make, x: np.ndarray, along: np.ndarray, residual: float) -> Equilibrium:
-    """The record of a point, with the tangent that points the same way as `along`."""
+    """The record of a point, with its tangent oriented along `along`."""
     slopes = np.asarray(slope_at(make, x))
     tangent = np.linalg.svd(slopes)[2][-1]
     found = rate_eigenvalues(slopes[:, :-1])
-    held = is_centre(found) and _is_extremum_of_energy(make, x)
+    is_extremum = is_centre(found) and _is_extremum_of_energy(make, x)
     return Equilibrium(
         state=x[:-1],
         parameter=float(x[-1]),
         slopes=slopes,
         eigenvalues=found,
-        verdict="stable" if held else str(rate_verdict(found)),
+        verdict="stable" if is_extremum else str(rate_verdict(found)),
         tangent=tangent if tangent @ along >= 0 else -tangent,
         residual=residual,
     )

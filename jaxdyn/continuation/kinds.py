@@ -30,16 +30,15 @@ class _Named(enum.StrEnum, metaclass=_Suggesting):
 
 
 class Kind(_Named):
-    """A kind of special point of a branch: all have folds and branch points, some have others.
+    """A kind of special point of a branch: all branches have folds and branch points, some others.
 
     Families of equilibria have Hopf points and, in conservative scenes, Krein collisions (also
     called Hamiltonian Hopf points), at which two pairs of imaginary eigenvalues meet and leave the
-    axis on both sides. Families of orbits have period doublings, torus points,
-    at which a pair of multipliers crosses the unit circle, and Krein collisions, which only
-    conservative scenes have: two pairs on the circle meet and leave it on both sides. They end at
-    an equilibrium to which the orbits shrink, a Hopf point or a centre. Families of chains of legs
-    end where the chains graze an event; the multipliers there are those of the chain that does not
-    touch it, if that has any.
+    axis on both sides. Families of orbits have period doublings, torus points, at which a pair of
+    multipliers crosses the unit circle, and, in conservative scenes, Krein collisions, at which two
+    pairs on the circle meet and leave it on both sides. They end at an equilibrium to which the
+    orbits shrink, a Hopf point or a centre. Families of chains of legs end where the chains graze
+    an event; the multipliers there are those of the chain that does not touch it, if that has any.
     """
 
     FOLD = "fold"

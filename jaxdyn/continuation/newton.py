@@ -60,17 +60,18 @@ def solve(
 ) -> Solution:
     """The point near a start where the steps of Newton's method become small.
 
-    The caller has to say how small its residual must be.
+    The caller must check that its residual is small enough.
 
     Args:
       equations: the equations and their Jacobian.
       start: (n,) unknowns.
       steps: largest number of steps; more mean that the start was too far away.
       rank: None for equations that are independent and as many as the unknowns. For others, steps
-        are the shortest of least squares, without singular values below this part of the largest.
+        are least-squares solutions of least norm, without singular values below this part of the
+        largest.
       polish: number of steps after the first small one.
-      halvings: how often a step is halved that reduces neither the residual nor what is left of
-        the step, see `_is_nearer`; 0 takes all steps.
+      halvings: how often a step is halved at most until it reduces the residual or the step that
+        remains (`_is_nearer`); with 0, all steps are accepted.
       diverged: growth of the residual after which there is no solution nearby.
     """
     here = best = _evaluate(equations, np.asarray(start, float), 0)
@@ -80,7 +81,7 @@ def solve(
             break
         best = min(best, here, key=lambda point: point.residual)
         try:
-            change = -_shortest(here.jacobian, here.value, rank)
+            change = -_newton_step(here.jacobian, here.value, rank)
         except np.linalg.LinAlgError:
             break
         damped = halvings and not small
@@ -106,24 +107,24 @@ def _evaluate(equations: Equations, x: np.ndarray, iterations: int) -> Solution:
 
 
 def _is_nearer(here: Solution, new: Solution, change: np.ndarray, rank: float | None) -> bool:
-    """Whether a part of a step `change` (n,) reduces the residual, or what is left of the step.
+    """Whether a part of a step `change` (n,) reduces the residual, or the step that remains.
 
-    What is left is the next step by the same Jacobian.
+    The step that remains is the next one with the same Jacobian.
 
-    The residual alone would not do: along a curved valley, as beside a fold, it grows with every
+    The residual alone is no criterion: along a curved valley, as beside a fold, it grows with every
     step that is not tiny (Deuflhard 2004, Newton Methods for Nonlinear Problems, section 3.3). The
-    latter alone would not do where equations leave a direction free, in which it is rounding. As
-    neither has to fall at every step, the number of steps is the only bound on an iteration.
+    remaining step alone is none where the equations leave a direction free, in which it is
+    rounding. As neither has to fall at every step, only the number of steps bounds an iteration.
     """
     if np.linalg.norm(new.value) < np.linalg.norm(here.value):
         return True
     if not np.isfinite(new.value).all():
         return False
-    left = _shortest(here.jacobian, new.value, rank)
-    return bool(np.linalg.norm(left) < np.linalg.norm(change))
+    remaining = _newton_step(here.jacobian, new.value, rank)
+    return bool(np.linalg.norm(remaining) < np.linalg.norm(change))
 
 
-def _shortest(jacobian: np.ndarray, value: np.ndarray, rank: float | None) -> np.ndarray:
+def _newton_step(jacobian: np.ndarray, value: np.ndarray, rank: float | None) -> np.ndarray:
     if rank is None:
         return np.linalg.solve(jacobian, value)
     return np.linalg.lstsq(jacobian, value, rcond=rank)[0]

@@ -10,7 +10,7 @@ units of the scene, in which the entries have units `each`:
   p r = 1 they are the coefficients of z'' = a z^2 + c z^3, with r in place of q in A h.
 - Hopf point: the Lyapunov coefficients.
 
-Sums with B and C are coefficients of the series of the rate along curves of states such as
+The terms with B and C are Taylor coefficients of the rate along curves of states such as
 e q - e^2 h / 2, exact by nested forward mode: no tensor is formed.
 
 Reference: Kuznetsov (2004), Elements of Applied Bifurcation Theory, 3rd edition, chapters 5 and 8.
@@ -134,8 +134,8 @@ def null_form(
 ) -> tuple[float, float, bool]:
     """The quadratic and the cubic coefficient at an eigenvalue 0, and whether it is double.
 
-    A quadratic coefficient that is rounding, as symmetry makes it, is 0. Both are NaN where the
-    eigenvalue has more than one eigenvector, or is triple.
+    A quadratic coefficient that is only rounding, as in a symmetric scene, is 0. Both are NaN where
+    the eigenvalue has more than one eigenvector, or is triple.
 
     Args:
       make: parameter -> scene.
@@ -156,7 +156,8 @@ def null_form(
     curve[0, 0] = q
     (half,) = np.asarray(_coefficient(make, x, curve, order=2))
     quadratic, right = p @ half, half - (p @ half) * r
-    # What is added to h along q changes c only where a is not 0, and then c is one of many.
+    # A multiple of q in h changes c only where the quadratic coefficient is not 0: c is not unique
+    # there.
     curve[0, 1] = -(np.linalg.lstsq(a, right)[0] if double else solve_bordered(a, q, p, right))
     (third,) = np.asarray(_coefficient(make, x, curve, order=3))
     length = float(np.linalg.norm(q * each))
@@ -185,8 +186,8 @@ def double_zero(make: Make, x: np.ndarray, a: np.ndarray, each: np.ndarray) -> t
     w = w / (w @ r)
     u = np.linalg.lstsq(a.T, w)[0]
     u = u - (u @ r) * w
-    along = [np.append(way, 0.0) for way in (q, r)]
-    twice, mixed = (second(make, x, along[0], way) for way in along)
+    along = [np.append(direction, 0.0) for direction in (q, r)]
+    twice, mixed = (second(make, x, along[0], direction) for direction in along)
     length = float(np.linalg.norm(q * each))
     return float(w @ twice) / 2 / length, float(w @ mixed + u @ twice) / length
 

@@ -22,7 +22,7 @@ from jaxdyn.continuation.kinds import Kind
 from jaxdyn.continuation.special import locate, pose
 from jaxdyn.continuation.units import Units
 
-#: Relative to the sizes of its unknowns: how far a known point may be from that of the numbers.
+#: Largest distance of a known point from that of the given numbers, relative to its unknowns.
 _SAME = 1e-6
 
 
@@ -48,17 +48,17 @@ def differentiable(make: Make, point: Equilibrium) -> DifferentiablePoint:
     """A fold or a Hopf point near a known one, for `jax.grad`, `jax.jvp` and so on.
 
     Args:
-      make: parameter -> scene, as for `continue_equilibria`, with the numbers to differentiate by:
-        their values are those that the known point was found with, or traced copies.
+      make: parameter -> scene, as for `continue_equilibria`. The numbers with respect to which to
+        differentiate have the values with which the known point was found, or are traced copies.
       point: the known point, from ``family.special``.
     Returns:
       Its numbers, equal to those of `point`, with their first derivatives.
     Raises:
-      ValueError: `point` is neither a fold nor a Hopf point, is one for other numbers, or has no
+      ValueError: `point` is neither a fold nor a Hopf point, belongs to other numbers, or has no
         units, as from a file of an early version.
     Limits: first derivatives; further ones are NaN. Where the numbers are traced, and are not those
       of the point, the result is NaN. At points of codimension two, such as a cusp, there is no
-      derivative, and this is not finite.
+      derivative, and the result is not finite.
     Example:
       >>> import jax, jaxdyn
       >>> from jaxdyn import continuation, scenes
@@ -76,11 +76,11 @@ def differentiable(make: Make, point: Equilibrium) -> DifferentiablePoint:
     if posed is None:
         raise fail("point", "one with a pair of complex eigenvalues", "real ones")
 
-    def miss(u: Array) -> Array:
+    def residual(u: Array) -> Array:
         return posed.system(scenes, u, posed.normal)
 
     u = jnp.asarray(posed.unknowns)
-    step = jnp.linalg.solve(jax.lax.stop_gradient(jax.jacfwd(miss)(u)), miss(u))
+    step = jnp.linalg.solve(jax.lax.stop_gradient(jax.jacfwd(residual)(u)), residual(u))
     known = jax.lax.stop_gradient(step)
     away = jnp.max(jnp.abs(known))
     if not is_traced(away) and _SAME < away < math.inf:

@@ -2,9 +2,9 @@
 
 Each kind has a test, a function of an equilibrium that changes sign there. Where it does, Newton's
 method solves the defining equations of the kind; if it leads out of the interval, the interval is
-halved first. Two points of a kind within one interval leave the sign of its test as it was; there
-are as many of them as eigenvalues have crossed the imaginary axis, and the interval is halved until
-each has a part of its own. All points are in units of their family.
+halved first. Two points of a kind within one interval do not change the sign of its test; they are
+detected by the number of eigenvalues that cross the imaginary axis, and the interval is halved
+until each is in a part of its own. All points are in units of their family.
 
 - Fold: the parameter entry of the tangent.
 - Branch point: the determinant of [A, b] bordered by the tangent.
@@ -30,13 +30,13 @@ from jaxdyn.continuation.newton import Solution
 from jaxdyn.continuation.normal_forms import first_lyapunov, null_form
 from jaxdyn.continuation.units import ChartInUnits, InUnits
 
-_HALVINGS = 25  # most halvings of the interval between two members
-_SHARE = 0.47  # part of it to the next test: a symmetric branch point is often exactly half-way
+_HALVINGS = 25  # largest number of halvings of the interval between two members
+_SHARE = 0.47  # where it is divided: a branch point with symmetry is often exactly half-way
 _OUTSIDE = 1e-4  # part of it: a solution farther beyond its ends belongs to another place
-_ROUNDING = 1e-13  # parameter entry of a tangent below which the parameter does not change
+_ROUNDING = 1e-13  # a smaller parameter entry of a tangent counts as 0
 _EQUAL = 1e-8  # relative distance of squares of eigenvalues below which they are the same
 _COLLIDES = 1e-6  # test at a Krein collision, relative to those of the members beside it
-_KNOWN = 1e-12  # units of the parameter to which a Hopf point is located
+_KNOWN = 1e-12  # accuracy of the parameter of a Hopf point, in units of the parameter
 _SAME_PLACE = 1e-6  # relative distance below which a fold and a branch point are the same
 
 
@@ -77,12 +77,12 @@ def special_points(
 
 
 def _hidden(passed: list[Kind], a: Equilibrium, b: Equilibrium) -> Kind | None:
-    """The kind of points between two neighbours of which two or more leave no sign, if any."""
+    """The kind of two or more points between neighbours that no change of sign shows, or None."""
     (real_a, pairs_a), (real_b, pairs_b) = _count_growing(a), _count_growing(b)
     real, pairs = abs(real_b - real_a), abs(pairs_b - pairs_a)
     hopf = passed.count(Kind.HOPF)
     simple = len(passed) - hopf
-    # Pairs that become real beside the axis, or meet on it, are none.
+    # Pairs that become real off the imaginary axis, or meet on it, are no Hopf points.
     crossed = abs(real_b + 2 * pairs_b - real_a - 2 * pairs_a)
     if real >= simple + 2 and crossed >= simple + 2:
         return Kind.BRANCH
@@ -90,7 +90,7 @@ def _hidden(passed: list[Kind], a: Equilibrium, b: Equilibrium) -> Kind | None:
 
 
 def _double(kind: Kind, point: Equilibrium) -> Equilibrium:
-    """The point where two or more cross at once, as they may where the scene is symmetric."""
+    """The point where two or more eigenvalues cross at once, as they may by symmetry."""
     values = point.eigenvalues.values
     nearest = values[np.argmin(np.abs(values.real))]
     frequency = float(abs(nearest.imag)) if kind == Kind.HOPF else math.nan
@@ -119,7 +119,7 @@ def _locate(
         middle = chart.between(a, b, _SHARE)
         if middle is None:
             return None
-        # Along a branch at one value of the parameter tests are 0 everywhere, up to rounding.
+        # Along a branch at constant parameter the tests are 0 everywhere, up to rounding.
         a, b = (a, middle) if changes_sign(left, test(middle), True) else (middle, b)
     return None
 
@@ -134,7 +134,7 @@ def _locate_collision(
     beside = [x for x in (a, b) if x is not point]
     if abs(_discriminant(point)) > _COLLIDES * min(abs(_discriminant(x)) for x in beside):
         return None
-    # Pairs that symmetry makes equal everywhere differ by rounding.
+    # Pairs that symmetry makes equal everywhere differ only by rounding, and do not collide.
     if any(_nearest(x)[0] < _EQUAL for x in beside):
         return None
     square = _nearest(point)[1]
@@ -174,11 +174,11 @@ def _discriminant(point: Equilibrium) -> float:
 
 
 class Posed(NamedTuple):
-    """The equations of a special point, and where they are nearly solved.
+    """The equations of a special point, and an approximate solution.
 
     Attributes:
       system: the equations, from `defining`.
-      unknowns: (n,) their unknowns.
+      unknowns: (n,) the approximate solution.
       normal: the normalisation of its vectors.
     """
 
@@ -207,7 +207,7 @@ def pose(kind: Kind, start: Equilibrium) -> Posed | None:
 
 
 def locate(make: InUnits, near: Equilibrium, x: np.ndarray) -> Equilibrium | None:
-    """The special point of the kind of another one, near a guess (k + 1,); None without any."""
+    """The special point of the same kind as `near`, near a guess (k + 1,); None without any."""
     assert near.kind is not None
     solution = solution_of(make, near.kind, equilibrium_at(make, x, near.tangent, np.nan))
     return None if solution is None else _with_coefficients(make, near.kind, near, solution)
@@ -244,9 +244,9 @@ def _with_coefficients(
 
 
 def _first_lyapunov(make: InUnits, x: np.ndarray, a: np.ndarray, frequency: float) -> float:
-    """The first Lyapunov coefficient; 0 if its sign differs at the ends of where the point may be.
+    """The first Lyapunov coefficient; 0 if its sign is uncertain, as the point's parameter is.
 
-    In van der Pol's mu (1 - v^2) it is proportional to mu, and all orbits have the parameter 0.
+    With van der Pol's damping mu (1 - v^2) it is proportional to mu, and all orbits are at mu = 0.
     """
     each, along = np.asarray(make.each), np.eye(len(x))[-1]
     here, *beside = (

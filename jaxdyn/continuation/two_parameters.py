@@ -24,7 +24,7 @@ from jaxdyn.continuation.units import Units, units_at, units_of
 from jaxdyn.scales import groups
 from jaxdyn.scene import check_scene
 
-_AT_END = 1e-8  # frequency squared of a Hopf point that is a Bogdanov-Takens point
+_AT_END = 1e-8  # a Hopf point with a smaller frequency squared is a Bogdanov-Takens point
 _BEYOND = "a Bogdanov-Takens point, beyond which the eigenvalues are real"
 _SAME_PLACE = 1e-6  # relative distance below which two points are the same
 
@@ -156,7 +156,7 @@ def _start(point, parameters, kind: Kind | None) -> tuple[Kind, np.ndarray]:
 
 
 def _nearest(curve: Kind, make, start: np.ndarray, size: int, sign: float) -> CurvePoint | None:
-    """The point of the curve nearest to a start, whose second parameter grows for sign 1."""
+    """The point of the curve near a start; the second parameter grows along it for sign 1."""
     up = np.append(np.zeros(size - 1), sign)
     for fixed in (up, np.roll(up, -1), *np.eye(size)[: size - 2]):
         found = augmented.solve(curve, make, start, start[:size], fixed)
@@ -164,7 +164,7 @@ def _nearest(curve: Kind, make, start: np.ndarray, size: int, sign: float) -> Cu
             continue
         point = point_at(curve, make, found, fixed, None)
         if point is not None:
-            # Hopf points begin at a Bogdanov-Takens point in one direction only.
+            # From a Bogdanov-Takens point, Hopf points lead in one direction only.
             ends = curve == Kind.HOPF and abs(point.unknowns[-1]) < _AT_END
             backwards = (point.tangent[-1] if ends else point.tangent[size - 1] * sign) < 0
             return dataclasses.replace(point, tangent=-point.tangent) if backwards else point

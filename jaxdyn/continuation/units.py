@@ -111,13 +111,14 @@ class Units(NamedTuple):
     def outward(self, point: Point, known: Groups | None = None) -> Point:
         """A point in these units, converted to those of the scene.
 
-        With the groups of its entries it is a member, whose units are no smaller than its entries.
+        If the groups of its entries are given, it is a member: its units are at least the sizes of
+        its entries.
         """
-        turned, units = self._scale(point), self
+        scaled, units = self._scale(point), self
         if known is not None:
-            now = np.asarray(known.sizes(jnp.abs(turned.state)))
+            now = np.asarray(known.sizes(jnp.abs(scaled.state)))
             units = self._replace(each=np.maximum(self.each, now))
-        return dataclasses.replace(turned, units=units.numbers)
+        return dataclasses.replace(scaled, units=units.numbers)
 
     def _scale(self, point: Point) -> Point:
         """A point multiplied by these units; its rates are divided by the unit of time."""
@@ -198,7 +199,7 @@ def units_at(make: Callable, x: np.ndarray, entries: int) -> Units:
 
 @eqx.filter_jit
 def _changes(make: Callable, y: Array, values: Array, each: Array) -> Array:
-    """(k, m) largest change with the parameters of each rate, or of its derivatives in sizes."""
+    """(k, m) largest derivative of each rate, or of its slopes times sizes, by each parameter."""
 
     def by_parameters(y):
         return jax.jacfwd(lambda values: make(*values).rate(jnp.zeros(()), y))(values)

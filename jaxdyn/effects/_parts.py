@@ -62,7 +62,7 @@ def on_ends(force: Array, n: int, i: int, j: int | None) -> Array:
 
 
 def _one_of(name: str, i: int, n: int) -> Any:
-    point_number(name, i, n)  # a trace comes here before `check` does
+    point_number(name, i, n)  # a traced call comes here before `check`
     return np.eye(n)[i]
 
 
@@ -88,7 +88,7 @@ def sums_at(x: Array, points: tuple[int, ...], n: int) -> Array:
 
 @functools.lru_cache(maxsize=32)
 def _tables(points: tuple[int, ...], n: int) -> list[np.ndarray]:
-    """The rows to sum at each point, one after another; first those of parts, if they are many.
+    """Tables of the rows to sum at each point; first those of partial sums, if rows are many.
 
     Returns:
       Tables (w, m), each with the indices of the w rows that make up each of m sums. The rows are

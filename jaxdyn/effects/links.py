@@ -59,8 +59,8 @@ class Spring(Effect):
     def force(self, t, r, v, m):
         del t, v, m
         d = r[self.i] - end_of(r, self.j, self.anchor)
-        # It uses the direction, whose bounds are known at every length: proofs about equilibria
-        # need them.
+        # It is written with the unit vector, whose bounds are known at every length: proofs about
+        # equilibria need them.
         pull = self.k * (d - self.length * _direction(d))
         return on_ends(-pull, r.shape[0], self.i, self.j)
 

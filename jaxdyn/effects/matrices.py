@@ -13,7 +13,7 @@ from jaxdyn.scene import Effect
 class MatrixDamper(Effect):
     """The forces -C dq/dt on the coordinates q of a system, e.g. of `scenes.linear_system`.
 
-    The symmetric part of C damps; the skew-symmetric part are gyroscopic forces, without power.
+    The symmetric part of C damps; the skew-symmetric part gives gyroscopic forces, without power.
 
     Attributes:
       C: (n, n) matrix of damping and gyroscopic forces.
@@ -31,9 +31,9 @@ class MatrixDamper(Effect):
 
 
 class CirculatoryForce(Effect):
-    """The forces -N q on the coordinates q of a system: N skew-symmetric, without a potential.
+    """The forces -N q on the coordinates q of a system, without a potential: N is skew-symmetric.
 
-    They are those of oil films, friction and air flow, by which a system may flutter.
+    Such forces arise in oil films, by friction and in air flow, and may cause flutter.
 
     Attributes:
       N: (n, n) matrix of circulatory forces.

@@ -1,7 +1,7 @@
 """External forces as given functions of time: constant, a step, a sine.
 
-They act equally on the chosen points. A step of the integrator ends where a force jumps, and none
-has to be rejected there.
+They act equally on the chosen points. A step of the integrator ends where a force jumps, so that no
+step is rejected there.
 """
 
 from typing import ClassVar

@@ -159,17 +159,19 @@ def _sigma(noise: Any, table: measurements.Measured, sections):
         missing = [name for name in table.names if name not in noise]
         if missing:
             raise _checks.fail("noise", "one for each column", f"none for {', '.join(missing)}")
-        each = [
+        deviations = [
             _checks.positive(f"noise of {name}", _fill_gaps(noise[name], table, i))
             for i, name in enumerate(table.names)
         ]
     else:
-        each = [_checks.positive("noise", noise)] * c
+        deviations = [_checks.positive("noise", noise)] * c
     n = table.count
-    for name, x in zip(table.names, each, strict=True):
+    for name, x in zip(table.names, deviations, strict=True):
         if x.shape not in ((), (n,)):
             raise _checks.fail(f"noise of {name}", f"shape () or ({n},)", f"shape {x.shape}")
-    values = np.stack([np.broadcast_to(np.asarray(x), (n,)) for x in each], axis=1)[table.rows]
+    values = np.stack([np.broadcast_to(np.asarray(x), (n,)) for x in deviations], axis=1)[
+        table.rows
+    ]
     return jnp.asarray(in_segments(values, len(sections.begin), 1.0))
 
 
@@ -244,7 +246,7 @@ def _report(model, sections, sigma, solution, names, table, dof) -> Fit:
 
 
 def _mean(x: np.ndarray) -> float:
-    """The mean of the finite ones; NaN of none."""
+    """The mean of the finite entries; NaN if there are none."""
     kept = x[np.isfinite(x)]
     return float(np.mean(kept)) if len(kept) else np.nan
 

@@ -37,7 +37,7 @@ class Measured(NamedTuple):
       rows: (s,) index of each row in the data, whose empty rows are left out.
       count: number of rows of the data.
       units: units of the columns and of "t" by name, as far as they are known.
-      replaced: units of former columns, which others without a unit have replaced.
+      replaced: units of columns that were replaced by others without a unit.
     """
 
     ts: np.ndarray
@@ -52,8 +52,8 @@ class Measured(NamedTuple):
         """The table in the units of a scene, as far as both are known.
 
         Raises:
-          ValueError: a unit of the table measures something else than that of the scene, or that of
-            a column that was replaced is not known.
+          ValueError: a unit of the table measures another quantity than that of the scene, or the
+            unit of a column that was replaced is not known.
         """
         wanted = {column.name: column.unit for column in columns}
         wanted |= {TIME: second(scene.labels()) or _NO_UNIT}

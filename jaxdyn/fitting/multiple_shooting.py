@@ -25,9 +25,11 @@ from jaxdyn.scales import Groups, groups
 #: Directions with singular values below this fraction of the largest are undetermined:
 #: derivatives of a motion at the default tolerance are accurate to about 1e-9.
 UNDETERMINED = 1e-7
-_FIRST, _MORE, _LESS, _NONE = 1e-3, 10.0, 0.1, 1e-10  # damping, relative to the largest direction
+#: Damping, relative to the largest singular value: at first, its factors after a failed and after a
+#: successful step, and the value below which it is 0.
+_FIRST, _MORE, _LESS, _NONE = 1e-3, 10.0, 0.1, 1e-10
 _MOST_DAMPING = 1e12
-#: Steps are small below this many standard errors, or relative to the sizes of all unknowns.
+#: A step is small below this many standard errors, or this part of the sizes of all unknowns.
 _OF_A_BAR, _OF_SIZE = 1e-4, 1e-9
 _CLOSED = 1e-7  # relative to the sizes: largest violation of a constraint in a solution
 _ITERATIONS = 100
@@ -48,7 +50,7 @@ class Unknowns(NamedTuple):
 
 
 class Linear(NamedTuple):
-    """All segments at some unknowns, to first order.
+    """The problem over all segments, linearised at some unknowns.
 
     Attributes:
       cost: () half the sum of squares of whitened residuals.
@@ -73,7 +75,7 @@ class Solution(NamedTuple):
       sizes: (p + m k,) their sizes.
       factor: (p + m k, q) a factor F of their covariance F F^T.
       singular: (q,) singular values of the misfit in the null space, in scaled unknowns.
-      directions: (p + m k, q) the scaled directions of these.
+      directions: (p + m k, q) their directions, in scaled unknowns.
       noise: (c,) standard deviation of each column if it was estimated, 1 if it was given.
       residuals: (m, n, c) computed minus measured values.
       cost: () half the sum of squares of whitened residuals.
@@ -111,8 +113,8 @@ def estimate(
       sigma: (m, n, c) standard deviations; None to estimate one for each column.
       theta: (p,) guess of the parameters.
       start: (k,) guess of the start.
-      pin: (p,) weights of a combination of parameters, relative to their sizes, that keeps its
-        value; None for none.
+      pin: (p,) weights of a combination of parameters, relative to their sizes, that is held fixed;
+        None for none.
       known: (m, k) initial states of the segments and (k,) sizes of the entries, if they are known.
       zeros: whether a parameter may be 0 in the guess, which does not show its size.
     """
@@ -237,8 +239,8 @@ def _filter_starts(
             slope = jnp.where(better, jacobian.T @ value, slope)
             ended = jax.tree.map(lambda new, old: jnp.where(better, new, old), there, ended)
             damping = damping * jnp.where(better, _LESS, _MORE)
-            held = gram + jnp.diag(damping * jnp.diag(gram))
-            return (z, z - jnp.linalg.solve(held, slope), best, damping, gram, slope, ended), None
+            damped = gram + jnp.diag(damping * jnp.diag(gram))
+            return (z, z - jnp.linalg.solve(damped, slope), best, damping, gram, slope, ended), None
 
         zero = jnp.zeros(k)
         first = (zero, zero, jnp.inf, jnp.asarray(1e-2), jnp.eye(k), zero)
@@ -378,10 +380,10 @@ def _minimum(
     def body(carry: _Carry) -> _Carry:
         begun = carry.count > 0
         step = _Step(carry.linear, p, shape, carry.damping)
-        moved = jnp.where(begun, step.x, 0.0)
+        change = jnp.where(begun, step.x, 0.0)
         x = Unknowns(
-            carry.x.theta + moved[:p] * sizes[:p],
-            carry.x.nodes + (moved[p:] * sizes[p:]).reshape(shape),
+            carry.x.theta + change[:p] * sizes[:p],
+            carry.x.nodes + (change[p:] * sizes[p:]).reshape(shape),
         )
         linear = _linear(model, segments, weights, x, sizes, k_sizes, pin)
         weight = jnp.where(begun, jnp.maximum(carry.weight, 2.0 * step.weight), 0.0)
@@ -391,7 +393,7 @@ def _minimum(
 
         better = ~begun | (merit(linear) < merit(carry.linear))
         rms = jnp.sqrt(2.0 * carry.linear.cost / measured)
-        largest = jnp.max(jnp.abs(moved))
+        largest = jnp.max(jnp.abs(change))
         small = (step.bars <= _OF_A_BAR * rms) | (largest <= _OF_SIZE)
         closed = jnp.max(jnp.abs(carry.linear.violation), initial=0.0) <= _CLOSED
         damping = _next_damping(carry.damping, better)

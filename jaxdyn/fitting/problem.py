@@ -1,4 +1,4 @@
-"""What is fitted to what: the checked arguments that `fit` and `train` have in common."""
+"""The problem that is solved: the checked arguments that `fit` and `train` have in common."""
 
 import difflib
 import inspect
@@ -31,7 +31,7 @@ class Problem(NamedTuple):
       theta: (p,) the guess.
       scene: the scene of the guess.
       table: the measurements, in the units of the scene.
-      leaves: the guess, with None in place of what are no numbers.
+      leaves: the guess, with None in place of everything that is not a number.
     """
 
     model: Model

@@ -24,14 +24,14 @@ LEVEL = 0.95  # confidence level of all bars
 _INTERVALS = ("confidence", "prediction")
 _GRID = 15  # number of values of a profile
 _WIDENINGS = 4  # how often its range is doubled
-_NAMED = 0.1  # relative to the largest weight: parameters that a combination names
-_CORRELATED = 4.0  # standard errors of the correlation of residuals in time
-_WIDE = 0.25  # relative to an estimate: an interval over which the Jacobian may change
-_UNLIKELY = 1e-3  # probability of the misfit, or of an outlier, below which it is doubted
+_NAMED = 0.1  # a combination names parameters with larger weights, relative to the largest
+_CORRELATED = 4.0  # standard errors above which residuals count as correlated in time
+_WIDE = 0.25  # relative half-width of an interval over which the Jacobian may change
+_UNLIKELY = 1e-3  # probability of the misfit, or of an outlier, below which there is a warning
 #: Root mean square [rad] of residuals of angles above which the motion explains nothing. It would
 #: be pi / sqrt(3) = 1.8 at random; estimates that were fitted to such angles leave a little less.
 _ANY_ANGLE = 1.2
-_EXACT = 1e-9  # relative to the largest value: residuals of the integration, of data without noise
+_EXACT = 1e-9  # of the largest value: smaller residuals are integration errors, of exact data
 
 
 class FitStatus(Code):
@@ -116,14 +116,14 @@ class Fit:
       bars: half-widths of their 95 % intervals, likewise; NaN if the data do not determine them.
       scene: the scene with the estimates, from the estimated initial state; where the fit did not
         converge, that at which it stopped.
-      names: of all estimated numbers: parameters, then entries of the start as "theta(t0)".
+      names: names of all estimated numbers: parameters, then entries of the start, "theta(t0)".
       covariance: (q, q) covariance of these.
       residuals: (s, c) measured minus fitted, NaN for gaps.
       noise: standard deviation of each column by name: given, or estimated.
       dof: degrees of freedom: measured numbers minus estimated ones.
       status: how the fit ended.
       undetermined: combinations of parameters that the data do not determine, in words.
-      warning: doubts about the model and the bars; empty if there are none.
+      warning: reasons to doubt the model or the bars; empty if there are none.
     """
 
     params: Any
@@ -409,8 +409,8 @@ def _profile(model, segments, sigma, pin, thetas, starts, sizes):
         found = estimate(model, segments, sigma, theta, nodes[0], pin, (nodes, sizes))
         return found.cost, found.converged
 
-    # Not in parallel: there, batches of LAPACK in two of XLA's threads wait for each other for ever
-    # on two cores [jaxlib 0.10, in fits of a double pendulum], and all wait for the slowest.
+    # Not in parallel: batches of LAPACK in two of XLA's threads deadlock on two cores [jaxlib 0.10,
+    # in fits of a double pendulum], and all values would wait for the slowest.
     return jax.lax.map(one, (thetas, starts))
 
 
@@ -450,7 +450,7 @@ def with_bar(value: float, bar: float) -> str:
 
 
 def undetermined(names: Sequence[str], solution: Solution) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Whether each estimated number is undetermined (q,), and the combinations in words."""
+    """(q,) whether each estimated number is undetermined, and the combinations in words."""
     singular, theta = np.asarray(solution.singular), np.asarray(solution.x.theta)
     values = np.concatenate([theta, np.asarray(solution.x.nodes[0])])
     sizes = np.asarray(solution.sizes)[: len(names)]
@@ -481,7 +481,7 @@ def doubts(
     table: Measured,
     angles: Sequence[bool],
 ) -> str:
-    """Warnings about the model: residuals that are not noise; `angles` are among the columns."""
+    """Warnings about the model: residuals that are not noise; `angles` marks columns of angles."""
     parts = [
         f"The residuals of {name} are nearly as large as between angles at random: the motion "
         "says nothing about them. Numbers without a unit are in rad; where they are in degrees, "

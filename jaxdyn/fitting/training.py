@@ -109,7 +109,7 @@ def train(
 
     Args:
       make: function of the parameters that returns the scene; see `fit`.
-      guess: initial values of the parameters; see `fit`. Whatever is no number, such as the
+      guess: initial values of the parameters; see `fit`. Whatever is not a number, such as the
         activation function of a network, stays as it is.
       data: times "t" and columns with every entry of the state; see `fit`. Further columns may be
         positions of points, or functions, see `observe`.
@@ -126,7 +126,7 @@ def train(
         range; see also `fit`.
     Limits: optimisers such as Adam change each number by about their learning rate in a step. A
       single number, such as a stiffness of 300 N/m, is measured in units of its guess, so that its
-      unit does not matter, unless the guess is 0. The entries of arrays are as they are, and should
+      unit does not matter, unless the guess is 0. The entries of arrays are not scaled, and should
       be of order one, as weights of networks are.
     Example:
       >>> import jaxdyn

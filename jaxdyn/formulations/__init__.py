@@ -1,4 +1,4 @@
-"""Laws of motion: how forces move coordinates, one file a formulation.
+"""Laws of motion: how forces move coordinates, one formulation in each file.
 
 `newton` (free points), `polar` (one in polar coordinates), `newton_euler` and `lagrange` (free
 coordinates), `constrained` (constraints and rolling conditions, by Lagrange multipliers;

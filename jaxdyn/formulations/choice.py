@@ -3,7 +3,7 @@
 A mechanism is given once, by free coordinates. Any other description (cartesian coordinates with
 rods, bodies with hinges, an open chain with a constraint that closes it) is an `Embedding`: the
 mechanism with constraints, and the map from the free coordinates to its own. The start follows from
-this map and its derivative, so all routes start in the same pose to rounding.
+this map and its derivative, so all formulations start in the same pose to rounding.
 """
 
 from collections.abc import Callable, Mapping

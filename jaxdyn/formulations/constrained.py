@@ -48,7 +48,7 @@ from jaxdyn.scene import Effect
 DRIFTS = ("projection", "baumgarte", "raw")
 #: Least eigenvalue below which a mass matrix with unit diagonal counts as singular.
 _MIN_EIGENVALUE = 1e-15
-_MAX_VIOLATION = 1e-6  # relative violation left by the projection
+_MAX_VIOLATION = 1e-6  # largest relative violation that the projection may leave
 _PROJECTION_STEPS = 2  # Newton steps; the first leaves the square of a step's error
 #: Relative violation of the conditions by the velocities that is allowed at the start.
 CONSISTENT = 1e-9
@@ -76,7 +76,7 @@ class Constrained(MechanismSystem):
         return _accelerations(self, t, y, effects)[1]
 
     def gram(self, t: Array, y: Array) -> Array:
-        """(c + b, c + b) matrix G M^-1 G^T: accelerations of the conditions for unit forces."""
+        """(c + b, c + b) matrix G M^-1 G^T: the values G a that unit constraint forces cause."""
         return times(*self._reach(t, jnp.split(y, 2)[0]))
 
     def undetermined(self, t, y):
@@ -107,7 +107,7 @@ class Constrained(MechanismSystem):
         The rows of G at the end, projected onto those at the start, are X times the latter. X is
         the identity for a short step, and singular where the rows pass a pose of lost rank. A
         positive determinant is not enough, since X may be far from the identity: all its leading
-        minors must be positive. Other steps are too long for a decision. Each half of the step is
+        minors must be positive, or the step is too long for a decision. Each half of the step is
         tested, since a step that passes two such poses may have turned X back to the identity.
         """
         (q0, v0), (q1, v1) = jnp.split(y0, 2), jnp.split(y1, 2)
@@ -157,10 +157,10 @@ class Constrained(MechanismSystem):
 
     def check(self, t, y):
         super().check(t, y)
-        _checks.float64()  # the bounds on what its constraints leave are those of 64 bits
+        _checks.float64()  # the bounds on violations are those of 64 bits
         _checks.choice("drift", self.drift, DRIFTS)
-        # It is compiled, since its second derivatives, step by step on the host, take seconds. What
-        # a state violates does not depend on the drift, so one program serves all three.
+        # This is compiled, since second derivatives take seconds if the host runs each operation.
+        # Violations do not depend on `drift`, so one program serves all three values.
         same = dataclasses.replace(self, drift="raw")
         place, speed, lost, pivot = (float(x) for x in _violations(same, t, y))
         if pivot <= _MIN_EIGENVALUE:
@@ -217,9 +217,9 @@ class Constrained(MechanismSystem):
             rows = [jax.jacfwd(lambda q: constraints(t, q))(q)]
         b = rolling(t, q)
         if b is not None:
-            turned = jax.jvp(rolling, (t, q), (one, v))[1]
+            rolling_rate = jax.jvp(rolling, (t, q), (one, v))[1]
             rates.append(row_sums(b, v))
-            gammas.append(-row_sums(turned, v))
+            gammas.append(-row_sums(rolling_rate, v))
             rows.append(b)
         if not rows:
             return none, none, jnp.zeros((0, q.shape[0]), q.dtype), none

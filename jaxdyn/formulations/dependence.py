@@ -1,4 +1,4 @@
-"""Which of the conditions G a = gamma depend on others, and where further ones come to do so.
+"""Which of the conditions G a = gamma depend on others, and whether more do so after a step.
 
 Rows of G are compared in the metric of the kinetic energy, by elimination of G M^-1 G^T; a row is
 dependent if too little of it remains once those before it have been eliminated. `constrained` says
@@ -13,7 +13,7 @@ from jaxdyn._numerics import Reduced, has_positive_minors, smooth, solve_psd
 #: Squared sine of the angle to the others below which a condition counts as dependent: at 1e-6 rad,
 #: rounding of 1e-16 still leaves ten digits of the acceleration.
 DEPENDENT = 1e-12
-#: Likewise where a step ends; less, so that a motion that stops there is found undetermined.
+#: The same at the end of a step; smaller, so that a motion that stops there is undetermined.
 LOST = 0.25 * DEPENDENT
 _MIN_CONDITION_CHANGE = 1e-5  # relative change of a dependent condition that counts as a change
 
@@ -60,10 +60,11 @@ def crossing(found: Reduced, turning: Array, allowed: Array) -> Array:
     """
     c = turning.shape[0]
     null = jnp.where(found.kept[:, None], 0.0, jnp.eye(c) - found.combination.T)
-    bends = jnp.sum(null[:, :, None, None] * turning[None], axis=1)
+    curvature = jnp.sum(null[:, :, None, None] * turning[None], axis=1)
     size = jnp.sum(jnp.abs(null)[:, :, None, None] * jnp.abs(turning)[None], axis=1)
     for _ in range(2):  # along both of its directions
-        bends = jnp.sum(bends[:, :, :, None] * allowed[None, None], axis=2).swapaxes(1, 2)
+        curvature = jnp.sum(curvature[:, :, :, None] * allowed[None, None], axis=2).swapaxes(1, 2)
     return jnp.any(
-        jnp.max(jnp.abs(bends), axis=(1, 2)) > _MIN_CONDITION_CHANGE * jnp.max(size, axis=(1, 2))
+        jnp.max(jnp.abs(curvature), axis=(1, 2))
+        > _MIN_CONDITION_CHANGE * jnp.max(size, axis=(1, 2))
     )

@@ -1,8 +1,8 @@
 """A system with further entries in its state: work, time, an angle that is swept.
 
-Its state is [y, x]: y is the state of the system inside, x has entries that are integrated beside
-it. The system inside answers everything that a scene asks of a system, at y; a new system of this
-kind says what its entries are called and how the whole state moves.
+Its state is [y, x]: y is the state of the system inside, x has entries that are integrated with it.
+Whatever a scene asks of a system, the system inside answers at y; a subclass names the further
+entries and defines the rate of the whole state.
 """
 
 import abc
@@ -14,7 +14,7 @@ from jaxdyn.system import System
 
 
 class Extended(System):
-    """A system whose state [y, x] has further entries x behind those of another system.
+    """A system whose state [y, x] has further entries x after those of another system.
 
     Attributes:
       system: the system inside, with the state y.
@@ -98,7 +98,7 @@ class Extended(System):
         return self.system.integrals(*self.inside(t, y))
 
     def difference(self, y1, y0):
-        # Further entries count up from the start, angles beyond full turns: they do not wrap.
+        # Further entries accumulate from the start, such as angles beyond a turn: they do not wrap.
         (a, x1), (b, x0) = self.parts(y1), self.parts(y0)
         return jnp.concatenate([self.system.difference(a, b), x1 - x0])
 

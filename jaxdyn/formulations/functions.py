@@ -2,7 +2,7 @@
 
 A function is static: it belongs to the compiled program, which is used again as long as the same
 function is given. The numbers it depends on are passed to it as its last argument, `params`, so
-that new ones compile nothing and derivatives go through them.
+that new ones do not compile again and derivatives go through them.
 """
 
 import reprlib
@@ -71,7 +71,7 @@ def finite_params(params: Any) -> None:
 
 
 def vector(name: str, value: Any, like: Array) -> Array:
-    """What a function returned, which may be a list of numbers, as floats like another array."""
+    """The value of a function, perhaps a list of numbers, as floats of the type of `like`."""
     if value is None:
         raise _checks.fail(name, "an array or a list of numbers", "None", "Does it `return` them?")
 

@@ -9,7 +9,7 @@ a textbook line by line. For a Lagrangian that is given as a function (`lagrangi
 generalised force of the effects.
 
 The energy of a bare L is the energy function h = v . dL/dv - L, which is conserved where L does not
-depend on time. It is T + V where T is of second degree in the velocities; in coordinates that move
+depend on time. It is T + V where T is quadratic in the velocities; in coordinates that move
 by themselves (a rotating frame) it is Jacobi's integral.
 """
 
@@ -222,7 +222,7 @@ def _accelerations(L: Callable, t: Array, q: Array, v: Array, force: Array) -> A
 
 
 def _energies(L: Callable, t: Array, y: Array) -> tuple[Array, Array]:
-    """The energy function h in two terms: what velocities add to it, and -L without them.
+    """The energy function h in two terms: the part due to the velocities, and -L at rest.
 
     For L = T2 + T1 - V, where the index is the degree in the velocities, they are T2 and V.
     """

@@ -33,7 +33,7 @@ TIES = ("length", "square")
 class Mechanism(Record):
     """Coordinates q (n,) and the material points that they place."""
 
-    #: Whether single points may have no mass, as two of those of a flat body.
+    #: Whether some points may have no mass, as two of those of a flat body have none.
     massless: ClassVar[bool] = False
     #: Where the coordinates are singular; see `Effect.singular`.
     singular: ClassVar[str] = ""
@@ -70,9 +70,9 @@ class Mechanism(Record):
         return 0
 
     def opened_form(self) -> "Embedding | None":
-        """The same mechanism with constraints, in these coordinates and those that follow.
+        """The same mechanism with constraints, in these coordinates and others that follow them.
 
-        Where the map that places the points is long, the equations are written with both.
+        Where the map that places the points is long, printed equations have both; None otherwise.
         """
         return None
 
@@ -235,8 +235,8 @@ def mass_and_force(
     (r, velocity), (_, c) = jax.jvp(velocities, (t, q), (jnp.ones_like(t), v))
     m = mechanism.masses()
     force = total_force(effects, t, r, velocity, m, -m[:, None] * c)
-    # It is materialised, or a loop over stages would compute it again for each entry of M: four to
-    # six times slower (measured; materialising the force as well loses that again).
+    # J is materialised, or a loop over stages would compute it again for each entry of M: four to
+    # six times slower (measured; materialising the force as well undoes the gain).
     j = materialize(kinematic_jacobian(mechanism, t, q), runtime_one(t))
     pulled = row_sums(j, force.ravel())
     if mechanism.central():
@@ -282,7 +282,7 @@ def weighted_gram(j: Array, weights: Array) -> Array:
 def _inertia(mechanism: Mechanism, j: Array) -> Array:
     """(n, n) the mass matrix for velocities J (n, p d) of the points.
 
-    Of a mass centre among the coordinates, products with the others vanish. Left to rounding, they
+    If a mass centre is among the coordinates, its products with the others are 0. Their rounding
     would move a mass centre at rest by 1e-17, and the sizes of a motion are measured at its start.
     """
     mass = weighted_gram(j, _weights(mechanism, j))

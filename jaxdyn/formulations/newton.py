@@ -44,7 +44,7 @@ class FreePoints(System):
     rest: tuple[tuple[float, ...], ...] | None = eqx.field(static=True, default=None, repr=False)
 
     def __init__(self, m, d: int = 2, names: Sequence[str] = (), rest=None):
-        # NumPy cannot tell the dimension of a tuple with traced numbers.
+        # NumPy cannot determine the dimension of a tuple with traced numbers.
         self.m = as_float(m if isinstance(m, list | tuple) or np.ndim(m) else [m])
         self.d = d
         self.names = tuple(names)
@@ -87,7 +87,7 @@ class FreePoints(System):
         others = [e for e in effects if not e.accelerates]
         if others:
             massless = m == 0
-            # A force that begins to act on a test particle later ends the motion.
+            # A force that begins to act on a test particle overflows, which ends the motion.
             most = _NO_MASS * jnp.finfo(m.dtype).max
             per_mass = jnp.where(massless, most, 1 / jnp.where(massless, 1.0, m))
             again = jnp.where(massless, most, 1.0)

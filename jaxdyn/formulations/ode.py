@@ -88,7 +88,7 @@ class Ode(System):
         return self._flatten("rate", call(self.function, self.params, t, self.tree(y)), y)
 
     def _flatten(self, name: str, value: Any, y: Array) -> Array:
-        """What a function returned, like the state, as an array (k,)."""
+        """The value of a function that returns something like the state, as an array (k,)."""
         if self.structure is None or value is None:
             return vector(name, value, y)
         return self.structure.flatten(name, value, y)
@@ -132,7 +132,7 @@ def ode(
     Args:
       rate: a function of time (), state (k,) and `params` that returns (k,), an array of
         `jax.numpy` or a list of k numbers; of (t, y) alone where there are no parameters. It needs
-        derivatives in forward mode: a callback, or what has a `jax.custom_vjp`, has them by a
+        derivatives in forward mode: a callback, or a function with a `jax.custom_vjp`, needs a
         `jax.custom_jvp` instead.
       y0: (k,) start; or a pytree of arrays, such as ``{"x": 1.0, "v": [0.0, 1.0]}``, which all
         functions then take and return in place of (k,). The scene stores it as (k,), and
@@ -143,7 +143,7 @@ def ode(
         dictionaries: index entries by name, as in ``motion["x"]``. An entry with the unit "rad" is
         an angle: values that differ by 2 pi are the same. Entries with the same unit share a size,
         to which tolerances are relative; an entry without a unit has its own. Give the modes of a
-        wave one unit: small modes are then known only to the rounding of large ones.
+        wave one unit: small modes are then resolved only relative to the large ones.
       params: any pytree of numbers: derivatives go through them, `jax.vmap` runs over them, and
         new values do not compile again. Integers become floats: let the function capture those
         that index an array, or make them a static field of an `eqx.Module`.
@@ -228,23 +228,23 @@ def ode(
         check_value(called, y0.shape, each, lambda y, key=key: system.generators(y)[key], y0)
     scene = Scene(system, y0=y0, t1=t1, name=_text.name_of(rate) if name is None else name)
     if second_order and not _checks.is_traced(scene):
-        scene.check()  # `solve` would not, and a wrong claim gives wrong motions
+        scene.check()  # `solve` does not check, and a wrong claim gives wrong motions
     return scene
 
 
 def _check_order(system: Ode, t: Array, y: Array) -> None:
-    """Raise ValueError for a rate of (y, t), which gives a rate if it is called in that order."""
+    """Raise ValueError for a rate of (y, t): one that returns a rate if called in that order."""
     try:
         swapped = jax.eval_shape(lambda: system.rate(y, t, ())).shape == y.shape
     except Exception:
-        return  # the error of the right order says more
+        return  # the error in the right order is more helpful
     if swapped:
         got = "one of (y, t), as for scipy.integrate.odeint"
         raise _checks.fail("rate", "a function of (t, y)", got, "Exchange its first two arguments.")
 
 
 def _check_indices(system: Ode, given: Any, t: Array, y: Array) -> None:
-    """Raise ValueError for a rate that needs integers in `params` to stay what they are."""
+    """Raise ValueError for a rate that needs integers in `params` to stay integers."""
 
     def works(params: Any) -> bool:
         try:

@@ -79,7 +79,7 @@ def resting(R_wb=None, omega_b=(0.0, 0.0, 0.0)) -> Pose:
 
 @check_first
 def pose(scene: Scene, t: Array, y: Array) -> Pose:
-    """Position, attitude and angular velocity of the body in a scene, of either kind.
+    """Position, attitude and angular velocity of the body in a scene, rigid or of a mechanism.
 
     Along a motion: ``energy.along(rigid.pose, motion)``.
     """
@@ -87,7 +87,7 @@ def pose(scene: Scene, t: Array, y: Array) -> Pose:
     return _pose(scene, y)
 
 
-@jax.jit  # one program, where each operation by itself would be one at its first call
+@jax.jit  # or each operation would be compiled by itself at its first call
 def _pose(scene: Scene, y: Array) -> Pose:
     system: Any = scene.system
     if isinstance(system, MechanismSystem):
@@ -270,7 +270,7 @@ def gyroscopic_torque(inertia: Array, omega: Array) -> Array:
     )
 
 
-#: Distance of a mass centre from the origin, relative to the size of its body, by rounding.
+#: Distance of a mass centre from the origin, relative to its body, that counts as rounding.
 _CENTRED = 1e-9
 
 
@@ -278,7 +278,7 @@ _CENTRED = 1e-9
 def check_matter(matter: MaterialPoints, pivoted: bool) -> None:
     """Raise ValueError for points that are not a rigid body: without mass, or all on one line.
 
-    Those of a free body are about their mass centre, unless they were replaced by others.
+    The points of a free body are relative to their mass centre, unless they were replaced later.
     """
     if _checks.is_traced(matter):
         return

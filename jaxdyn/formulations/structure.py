@@ -46,8 +46,8 @@ class Structure:
         """
         leaves, tree = jax.tree.flatten(value, is_leaf=_is_list)
         if tree != self.tree:
-            wanted = f"a pytree like y0, {_said(self.tree)}"
-            raise _checks.fail(name, wanted, _said(tree), "It has the parts of the state.")
+            wanted = f"a pytree like y0, {_printed(self.tree)}"
+            raise _checks.fail(name, wanted, _printed(tree), "It has the parts of the state.")
         arrays = [vector(name, leaf, like) for leaf in leaves]
         for x, shape in zip(arrays, self.shapes, strict=True):
             _checks.check_shape(name, x.shape, shape, "That of the same part of y0.")
@@ -96,5 +96,5 @@ def _entry(name: str, index: tuple[int, ...]) -> str:
     return f"{name}[{','.join(map(str, index))}]" if index else name
 
 
-def _said(tree: Any) -> str:
+def _printed(tree: Any) -> str:
     return str(tree).removeprefix("PyTreeDef(").removesuffix(")")

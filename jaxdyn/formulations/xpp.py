@@ -17,11 +17,11 @@ of the time, and rows of states such as ``x[1..9]'=x[j-1]-x[j]``, also in blocks
 ``%[1..9]`` and end with ``%``. Fixed quantities may be declared in any order; XPPAUT computes one
 that is used before it is declared from the previous state. Expressions mean what they mean in
 XPPAUT, see `jaxdyn.formulations.xpp_expressions`. Values of parameters and starts may be
-expressions of parameters declared before, such as 8/3 above; XPPAUT reads the 8 of it. Starts may
-also be expressions of derived numbers declared before. The reader skips ``aux``, boundary
-conditions, and the options for drawing and integration other than ``total``. It refuses whatever
-is not an ordinary differential equation: maps, also by ``@ meth=discrete``, delays, noise, tables,
-resets, algebraic equations, libraries, other files.
+expressions of parameters declared before, such as 8/3 above, of which XPPAUT reads only the 8.
+Starts may also be expressions of derived numbers declared before. The reader skips ``aux``,
+boundary conditions, and the options for drawing and integration other than ``total``. It refuses
+whatever is not an ordinary differential equation: maps, also by ``@ meth=discrete``, delays, noise,
+tables, resets, algebraic equations, libraries, other files.
 
 Reference: B. Ermentrout, Simulating, Analyzing, and Animating Dynamical Systems, SIAM (2002).
 """
@@ -78,7 +78,7 @@ _ROW = re.compile(r"\[\s*(\d+)\s*\.\.\s*(\d+)\s*\]")
 #: The head of a block, whose statements are those of rows.
 _BLOCK = re.compile(r"%\s*" + _ROW.pattern)
 _PLACE = re.compile(r"\[(\d+)\]")
-#: XPPAUT computes other places in another way than they are written.
+#: XPPAUT evaluates other indices differently from how they are written.
 _IN_ROW = re.compile(r"\[(\d+|j(?:[+\-*]\d+)?)\]")
 #: Words that begin a line whose content changes no rate.
 _LEFT_OUT = ("aux", "set", "only", "o", "opt", "option", "options")
@@ -91,7 +91,7 @@ _REFUSED = {
     **dict.fromkeys(("export",), "quantities from a library"),
     **dict.fromkeys(("volt", "volterra", "solve", "special"), "more than rates"),
 }
-#: Where a rate as a function would not help.
+#: Remedies where writing the rate as a function would not help.
 _REMEDIES = {
     "noise": "No scene has noise.",
     "a delay": "No scene has delays.",
@@ -108,7 +108,7 @@ class Model(NamedTuple):
       numbers: parameters with their values.
       starts: starts of the states, in the order of the rates.
       span: the span [time].
-      derived: derived quantities, in an order in which they use those before only.
+      derived: derived quantities, each after those that it uses.
       functions: functions by name.
       rates: rates of the states, in order.
     """
@@ -162,7 +162,7 @@ class Maker:
       text: a text in the language of ``.ode`` files.
       name: the name of the scenes.
     Raises:
-      ValueError: it is no text; or a line is not understood, or declares something other than a
+      ValueError: it is not a text; or a line is not understood, or declares something other than a
         differential equation.
     Example:
       >>> import jaxdyn
@@ -222,7 +222,7 @@ def model(text: str) -> Model:
 
 
 def _lines(text: str) -> Iterator[str]:
-    """The statements in small letters, without comments and without the line breaks in them."""
+    """The statements in lower case, without comments and without the line breaks in them."""
     for count, statement in enumerate(_written_out(text)):
         if count >= _MOST_STATEMENTS:
             raise _checks.fail("text", f"at most {_MOST_STATEMENTS} statements", "more")
@@ -274,8 +274,8 @@ def _rows(statement: str) -> Iterator[str]:
 def _places(row: re.Match[str]) -> range:
     """The numbers of a row, which may descend."""
     first, last = int(row[1]), int(row[2])
-    way = 1 if first <= last else -1
-    return range(first, last + way, way)
+    step = 1 if first <= last else -1
+    return range(first, last + step, step)
 
 
 def _index(j: int, found: re.Match[str]) -> str:
@@ -308,7 +308,7 @@ class _Reader:
         pairs = bool(rest) and rest[0] not in "='(/"
         if line in _END:
             return False
-        begins = rest[:1] not in ("=", "'", "(")  # the word is no name that the line declares
+        begins = rest[:1] not in ("=", "'", "(")  # the word is not a name that the line declares
         if line[0] == "@":
             self.span = self._option(line, _SPAN, self.span)
             self.begin = self._option(line, _BEGIN, self.begin)

@@ -4,11 +4,11 @@ The order of operations is XPPAUT's own, which differs from that of other langua
 bind as tightly as powers, and both associate to the left: ``v*2>1`` is v (2 > 1), and ``2^3^2`` is
 64. Then follow ``* / &`` and the signs, and last ``+ - |``. A condition is a number: 1 if it holds,
 else 0. Angles are in radians, ``log`` is the natural logarithm, and ``mod(a, b)`` is the remainder
-of a/b towards zero, plus b where that is negative. ``not`` behind an operator other than ``+ - |``
-is refused: there XPPAUT applies it to more than what follows. The arguments of a function are known
-in its own expression only, not in those of functions that it calls.
+of a/b towards zero, plus b where that is negative. ``not`` after an operator other than ``+ - |``
+is refused: there XPPAUT applies it to more than the next operand. The arguments of a function are
+known in its own expression only, not in those of functions that it calls.
 
-Reference: XPPAUT 6.11, whose values the tests hold.
+Reference: XPPAUT 6.11, with whose values the tests compare.
 """
 
 import math
@@ -127,7 +127,7 @@ _FUNCTIONS: dict[str, Callable] = {
 }
 _COUNTS = {"atan2": 2, "max": 2, "min": 2, "mod": 2, _IF: 3}
 CONSTANTS = {"pi": math.pi}
-#: What functions would need that no rate has.
+#: What these functions would need, which no rate has.
 _BEYOND = {
     **dict.fromkeys(("delay", "del_shft"), "a delay"),
     **dict.fromkeys(("ran", "normal", "poisson"), "noise"),
@@ -140,14 +140,14 @@ class NotARate(ValueError):
 
 
 class BareNot(ValueError):
-    """``not`` behind an operator where XPPAUT applies it to more than what follows."""
+    """``not`` after an operator, where XPPAUT applies it to more than the next operand."""
 
 
 def read(text: str) -> Expression:
-    """The expression that a text, in small letters, stands for.
+    """The expression that a text, in lower case, stands for.
 
     Raises:
-      ValueError: it is none.
+      ValueError: it is not an expression.
       NotARate: it needs more than the state and the time.
     """
     reader = _Reader(text)
@@ -159,7 +159,7 @@ def read(text: str) -> Expression:
 
 
 class _Reader:
-    """A reader of an expression: each operator takes what binds more tightly on its right."""
+    """A reader of an expression: the right operand of each operator is what binds more tightly."""
 
     def __init__(self, text: str):
         self._tokens = _tokens(text.strip())
@@ -167,7 +167,7 @@ class _Reader:
         self._next = next(self._tokens)
 
     def expression(self, least: int) -> Expression:
-        """What follows, with operators that bind at least so tightly."""
+        """The expression that follows, with operators that bind at least as tightly as `least`."""
         self._open += 1
         if self._open > DEEPEST:
             raise ValueError("nesting")
@@ -262,7 +262,7 @@ def _depth(expression: Expression) -> int:
 
 
 def parts(expression: Expression) -> Iterator[Expression]:
-    """The expression and all in it."""
+    """The expression and all its parts, to any depth."""
     waiting = [expression]
     while waiting:
         one = waiting.pop()
@@ -344,7 +344,7 @@ def value(
     if not isinstance(expression, Call):
         return expression
     name, given = expression.name, []
-    for one in expression.arguments:  # no comprehension: it may take a frame of its own
+    for one in expression.arguments:  # a comprehension may take a stack frame of its own
         given.append(value(one, known, functions, own))
     if name in functions:
         arguments, body = functions[name]

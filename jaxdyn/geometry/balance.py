@@ -49,7 +49,7 @@ def bearing_forces(body: Body, r_a: Vector, r_b: Vector, spin: Scalar) -> Bearin
 
     Args:
       body: the body in its current position.
-      r_a: (3,) [m] the bearing a, from which positions and moments count.
+      r_a: (3,) [m] the bearing a, the origin of positions and moments.
       r_b: (3,) [m] the other bearing b; the axis n points from a to b.
       spin: () [rad/s] angular velocity about n.
     """

@@ -1,7 +1,7 @@
 """Euler angles in all 12 sequences, about the body's axes or the world's.
 
 A sequence is three letters. Capitals, ``"ZYX"``, turn about the body's current axes
-(intrinsic): R_wb = R_z(a0) R_y(a1) R_x(a2). Small letters, ``"zyx"``, turn about the world's
+(intrinsic): R_wb = R_z(a0) R_y(a1) R_x(a2). Lower case, ``"zyx"``, turns about the world's
 fixed axes (extrinsic): R_wb = R_x(a2) R_y(a1) R_z(a0). Angles are (3,) [rad], in the order in
 which the turns are made. Conventions of the matrices are those of `jaxdyn.geometry.rotations`.
 

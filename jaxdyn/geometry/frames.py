@@ -94,7 +94,7 @@ def check_rotation(name: str, R: Matrix) -> Matrix:
     return R
 
 
-@jax.jit  # one program, where each operation by itself would be one at its first call
+@jax.jit  # or each operation would be compiled by itself at its first call
 def _off_rotation(R: Matrix) -> Array:
     """How far a matrix is from a rotation ()."""
     columns = R.T @ R - jnp.eye(3)

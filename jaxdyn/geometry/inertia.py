@@ -178,7 +178,7 @@ class Principal(NamedTuple):
 
 
 @arrays
-@jax.jit  # one program, where each operation by itself would be one at its first call
+@jax.jit  # or each operation would be compiled by itself at its first call
 def principal(body: Body) -> Principal:
     """Principal moments and right-handed principal axes about the centre.
 

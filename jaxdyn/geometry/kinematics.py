@@ -81,9 +81,9 @@ def end_acceleration(l: Each, q: Each, v: Each, a: Each) -> Array:  # noqa: E741
 
 @arrays
 def end_acceleration_relative(l: Each, q: Each, v: Each, a: Each) -> Array:  # noqa: E741
-    """(2,) that acceleration from theta_1 and phi = theta_2 - theta_1, by the five-term formula.
+    """(2,) the same acceleration from theta_1 and phi = theta_2 - theta_1, by the five terms.
 
-    In a frame glued to the first link the second one turns by phi alone.
+    In a frame fixed to the first link the second one turns by phi alone.
 
     Args:
       l: (2,) lengths [m].
@@ -111,7 +111,7 @@ def slot_position(d: Scalar, q: Plane) -> Array:
 
 @arrays
 def slot_acceleration(d: Scalar, q: Plane, v: Plane, a: Plane) -> Array:
-    """(2,) acceleration of that mass by the rates of the slot's axes i', j' (34 a ii).
+    """(2,) acceleration of the mass in the slot by the rates of its axes i', j' (34 a ii).
 
     It follows from r = s i' - d j' with di'/dt = w j' and dj'/dt = -w i'.
     """
@@ -122,7 +122,7 @@ def slot_acceleration(d: Scalar, q: Plane, v: Plane, a: Plane) -> Array:
 
 @arrays
 def slot_acceleration_five_terms(d: Scalar, q: Plane, v: Plane, a: Plane) -> Array:
-    """(2,) acceleration of that mass by the five-term formula (34 a iii)."""
+    """(2,) acceleration of the mass in the slot by the five-term formula (34 a iii)."""
     along, _ = _slot_axes(q[0])
     r = slot_position(d, q)
     return five_terms(jnp.zeros(2), v[0], a[0], r, v[1] * along, a[1] * along)

@@ -164,7 +164,7 @@ def wxyz_from_matrix(R: Matrix) -> Wxyz:
     return _wxyz(check_rotation("R", R))
 
 
-@jax.jit  # one program, where each operation by itself would be one at its first call
+@jax.jit  # or each operation would be compiled by itself at its first call
 def _wxyz(R: Matrix) -> Wxyz:
     a, b, c = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
     d, e, f = R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1]

@@ -1,4 +1,4 @@
-"""Bars in the plane, hinged in a row: by their angles, or as bodies or points with ties.
+"""Bars in the plane, hinged in a row: in their angles, or as bodies or points with ties.
 
 Angles are measured counterclockwise from hanging straight down; x points right, y up, and the first
 hinge is the origin. The bars are uniform, or massless with point masses at their ends. A uniform

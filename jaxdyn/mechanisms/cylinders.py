@@ -8,8 +8,7 @@ surface (in the direction of clockwise rolling), N the normal force and F the fr
 
 with accelerations that satisfy the conditions of `_Contact`. In rolling these determine F and N; in
 slipping they determine N, and F = -mu N sign(slip). All phases have the same state
-[x, y, phi, velocities] of G;
-`jaxdyn.scenes.phases_of` joins them.
+[x, y, phi, velocities] of G; `jaxdyn.scenes.phases_of` joins them.
 """
 
 import dataclasses
@@ -38,7 +37,7 @@ _MAX_OVERLAP = 1e-9  # largest overlap at a start that is not refused, over the 
 
 
 class _Contact(NamedTuple):
-    """The conditions of contact, on velocities v (3,) and accelerations a (3,) of G.
+    """The conditions of contact on the velocities v (3,) and the accelerations a (3,).
 
     rows (2, 3): rows @ v = (speed of C away from the surface, slip of the contact point). Contact
       keeps the first at 0 and rolling keeps both at 0, hence rows @ a = bends (2,).
@@ -169,10 +168,12 @@ class Cylinder(System):
         rows, _ = self._conditions(y)
         a, v = self._gram(rows), _dot(rows, y[3:])
         rolling = -_both(a, v)
-        way = jnp.sign(v[1])
-        slipping = -v[0] / (a[0, 0] - way * self.mu * a[0, 1])
+        slip_sign = jnp.sign(v[1])
+        slipping = -v[0] / (a[0, 0] - slip_sign * self.mu * a[0, 1])
         sticks = jnp.abs(rolling[1]) <= self.mu * rolling[0]
-        impulse = jnp.where(sticks, rolling, slipping * jnp.stack([1.0 + 0 * way, -way * self.mu]))
+        impulse = jnp.where(
+            sticks, rolling, slipping * jnp.stack([1.0 + 0 * slip_sign, -slip_sign * self.mu])
+        )
         return jnp.concatenate([y[:3], y[3:] + self._velocity_change(rows, impulse)])
 
     def with_contact(self, contact: str) -> "Cylinder":
@@ -184,7 +185,7 @@ class Cylinder(System):
         _checks.positive("inertia", self.inertia, "Inertias are in kg m^2.")
         _checks.positive("r", self.r, "Radii are in m.")
         _checks.positive("fixed", self.fixed, "Radii are in m.")
-        # As numbers of Python, since an operation of JAX by itself is a program.
+        # They are Python floats, since each operation of JAX would be compiled by itself.
         d, r, slope, mu = map(float, (self.d, self.r, self.slope, self.mu))
         if not 0 <= d < r:
             raise _checks.fail("d", "from 0 to below the radius", d)

@@ -110,7 +110,7 @@ class TiedParabola(Mechanism):
 
 
 class Cycloid(Mechanism):
-    """A bead on the wire y = c s^2, by the arc length s along it.
+    """A bead on the wire y = c s^2, described by the arc length s along it.
 
     Attributes:
       m: () mass [kg].
@@ -156,7 +156,7 @@ class Cycloid(Mechanism):
 
 
 class Turntable(Mechanism):
-    """A mass in a straight slot of a table that turns about the origin, by theta and s.
+    """A mass in a straight slot of a table that turns about the origin, described by theta and s.
 
     Attributes:
       m: () sliding mass [kg].
@@ -214,7 +214,7 @@ class Turntable(Mechanism):
 
 
 class Plate(Mechanism):
-    """A massless plate with two masses fixed to it and two driven on circles, by the plate's angle.
+    """A massless plate with two masses fixed to it and two driven on circles, in the plate's angle.
 
     Attributes:
       m: () mass of each [kg].

@@ -67,8 +67,8 @@ class Skated(Mechanism):
         shapes = [rectangle("area", (0.25 * size, 0.25 * size))]
         for at, heading in zip(self.at, self.headings, strict=True):
             blade = rectangle("solid", (0.6 * size, 0.08 * size))
-            way = frame(jnp.stack([jnp.cos(heading), jnp.sin(heading)]))
-            shapes += [line(jnp.zeros(2), at), blade.place(at, way)]
+            blade_axes = frame(jnp.stack([jnp.cos(heading), jnp.sin(heading)]))
+            shapes += [line(jnp.zeros(2), at), blade.place(at, blade_axes)]
         shapes += traces(self.at, [f"skate {i + 1}" for i in range(len(self.at))])
         return tuple(shape.place(place, turn) for shape in shapes)
 

@@ -1,4 +1,4 @@
-"""One stick in the plane, on a fixed or shaking hinge or on a cart, by its angle or with a tie.
+"""One stick in the plane, on a fixed or shaking hinge or on a cart: in its angle or with a tie.
 
 x points right, y up. Each mechanism has two descriptions: in free coordinates, and in cartesian
 ones with the length of the stick as a tie, whose multiplier is the force along the stick.
@@ -236,7 +236,7 @@ class Cart(_OnCart):
 
 
 class TiedCart(_OnCart):
-    """The same bodies by x of the cart and x and y of the point, with the stick's length as tie."""
+    """The same in x of the cart and x and y of the point, with the length of the stick as tie."""
 
     def coordinates(self):
         return (("x", "m"), ("x2", "m"), ("y2", "m"))

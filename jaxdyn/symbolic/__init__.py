@@ -3,8 +3,8 @@
 `equations` prints the equations of motion of a scene, `deriving` derives them for each kind of
 system, `following` those of a linkage described by its crank angle, `reactions` the forces of
 constraints, `impacts` what an impact changes; `sections` has lines of print under titles. `linear`
-and `matrices` have their derivatives. The equations consist of expressions of `algebra`, which
-`reading` extracts from the programs of a scene; `symbols` names its quantities.
+has derivatives of the equations, as `matrices` of expressions. The expressions are those of
+`algebra`; `reading` extracts them from the programs of a scene, and `symbols` names its quantities.
 `trigonometry` and `simplifying` shorten them, `arranging` puts them in a readable order,
 `typesetting` writes them as text, LaTeX and MathML, and `to_sympy` converts them to SymPy.
 

@@ -22,13 +22,13 @@ Coefficient = Fraction | float
 #: Atoms and their exponents, sorted.
 Monomial = tuple[tuple["Atom", Fraction], ...]
 
-#: Denominators up to which a float is taken for a rational number.
+#: Largest denominator of the rational number that a float is taken to be.
 _LARGEST_DENOMINATOR = 10_000
 #: The same for multiples of pi.
 _OF_PI = 100
-#: Relative difference of a float from that rational number: two roundings.
+#: Largest relative difference of a float from that rational number: two roundings.
 _ROUNDED = 2.0**-51
-#: Terms of an expression; six hinged bars have some hundred.
+#: Largest number of terms of an expression; six hinged bars have some hundred.
 _MOST_TERMS = 500
 #: Largest power that is multiplied out.
 _LARGEST_EXPANDED = 4
@@ -42,7 +42,7 @@ class Symbol:
     Attributes:
       name: unique name that identifies it.
       kind: "parameter", "time", "coordinate", "velocity", "acceleration", "rate" (the derivative of
-        an entry that has no second one), "multiplier" or "short" (an abbreviation).
+        an entry without a second derivative), "multiplier" or "short" (an abbreviation).
       rank: its position among the symbols of its kind.
       stem: stem of its printed name, such as "theta".
       index: its subscript, such as "1" or "12".
@@ -285,7 +285,7 @@ class Expression:
         return {s for m in self.terms for a, _ in m for s in symbols_of(a)}
 
     def replace(self, what: Callable[[Atom], "Expression | None"]) -> "Expression":
-        """Atoms replaced by expressions where `what` returns one, also inside other atoms."""
+        """The expression with atoms replaced where `what` returns one, also inside other atoms."""
         found = number(0)
         for m, c in self.terms.items():
             term = number(c)
@@ -306,7 +306,7 @@ class Expression:
         return found
 
     def expand(self) -> "Expression":
-        """All brackets with positive integer powers multiplied out."""
+        """The expression with all brackets with positive integer powers multiplied out."""
         found: dict[Monomial, Coefficient] = {}
         for m, c in self.terms.items():
             term = {(): c}
@@ -321,16 +321,20 @@ class Expression:
         return Expression(found)
 
     def over_one_line(self) -> "Expression":
-        """All terms over common denominators that are sums, cancelled where possible."""
+        """The expression over common denominators that are sums, cancelled where possible."""
         found = self
-        lines = {a for m in found.terms for a, e in m if _is_line(a, e)}
-        for line in sorted(lines, key=lambda a: a.key):
-            most = max((-e for m in found.terms for a, e in m if a == line and e < 0), default=0)
-            whole = _multiply(found.terms, {((line, Fraction(most)),): ONE})
-            above = Expression(whole).expand()
-            while most and (quotient := _divide(above, line.sum.expand())) is not None:
-                above, most = quotient, most - 1
-            found = Expression(_multiply(above.terms, {((line, -most),) if most else (): ONE}))
+        denominators = {a for m in found.terms for a, e in m if _is_denominator(a, e)}
+        for denominator in sorted(denominators, key=lambda a: a.key):
+            most = max(
+                (-e for m in found.terms for a, e in m if a == denominator and e < 0), default=0
+            )
+            whole = _multiply(found.terms, {((denominator, Fraction(most)),): ONE})
+            numerator = Expression(whole).expand()
+            while most and (quotient := _divide(numerator, denominator.sum.expand())) is not None:
+                numerator, most = quotient, most - 1
+            found = Expression(
+                _multiply(numerator.terms, {((denominator, -most),) if most else (): ONE})
+            )
         return found
 
     def value(self, values: Mapping[Symbol, Any]) -> Any:
@@ -370,7 +374,7 @@ def number(x: Coefficient | int) -> Expression:
 
 
 def rational(x: Coefficient | int) -> Coefficient:
-    """The rational number with a small denominator that a float rounds, or the float."""
+    """The rational number with a small denominator that rounds to a float, or the float."""
     if isinstance(x, Fraction | int):
         return Fraction(x)
     if not math.isfinite(x):
@@ -406,7 +410,7 @@ def function(op: str, *args: Expression) -> Expression:
         if a.is_number:
             return number(abs(a.number))
         a = a * (-1 if a.leading < 0 else 1)
-        return _sizes(a)
+        return _absolute(a)
     if op == "sign" and not others and not a.is_number and a.leading < 0:
         return -function(op, -a)
     if op == "select" and others[0] == others[1]:
@@ -422,7 +426,7 @@ def _quarters(a: Expression) -> int | None:
     return None
 
 
-def _sizes(a: Expression) -> Expression:
+def _absolute(a: Expression) -> Expression:
     """The absolute value of an expression whose first term is positive."""
     if len(a.terms) > 1:
         return _atom(Call("abs", a), ONE)
@@ -507,7 +511,7 @@ def _product(m: Monomial, n: Monomial) -> Expression:
     return Expression({plain: ONE}) if factor == number(1) else factor * Expression({plain: ONE})
 
 
-def _is_line(a: Atom, e: Fraction) -> bool:
+def _is_denominator(a: Atom, e: Fraction) -> bool:
     return isinstance(a, Group) and e.denominator == 1 and e < 0
 
 

@@ -44,7 +44,7 @@ def collect(x: Expression) -> Expression:
     """Terms with the same moving factor collected, with coefficients in brackets: (m1 + m2) x''."""
     x = _with_stretches(_with_closing_speeds(_with_squares(x)))
     for key in (_along_speeds, _outer, _motion, _lengths, _beside_velocities):
-        x = _unite(_alike(x), key)
+        x = _unite(_with_differences(x), key)
     return _with_steady(x)
 
 
@@ -74,15 +74,19 @@ def _with_stretches(x: Expression) -> Expression:
     """Springs on a line: k (x1 - x2) - k l sgn(x1 - x2) as k (|x1 - x2| - l) sgn(x1 - x2)."""
     for n, d in x.terms.items():
         for side in [a for a, _ in n if isinstance(a, Call) and a.op == "sign"]:
-            (way,) = side.args
-            whole = Group(way) if len(way.terms) > 1 else next(iter(way.terms))[0][0]
+            (displacement,) = side.args
+            whole = (
+                Group(displacement)
+                if len(displacement.terms) > 1
+                else next(iter(displacement.terms))[0][0]
+            )
             rest = times(n, ((side, -ONE),))
             for m, c in x.terms.items():
                 ratio = dict(times(rest, inverse(times(m, ((whole, -ONE),)))))
                 if n == m or min(ratio.values(), default=-1) < 0:
                     continue
                 left = {k: v for k, v in x.terms.items() if k not in (m, n)}
-                size = ((Call("abs", way), ONE),)
+                size = ((Call("abs", displacement), ONE),)
                 stretch = Expression({size: ONE, in_order(ratio): d / c})
                 spring = times(m, ((whole, -ONE), (side, ONE), (Group(stretch), ONE)))
                 return _with_stretches(Expression(left | {spring: c}))
@@ -90,7 +94,7 @@ def _with_stretches(x: Expression) -> Expression:
 
 
 def _along_speeds(m: Monomial) -> Monomial | None:
-    """What terms of friction along a velocity share: the load over the speed."""
+    """One over the speed, which terms of friction along a velocity share."""
     speeds = tuple((a, e) for a, e in m if e == -1 and _is_short(a, e) and _is_speed(a))
     return speeds or None
 
@@ -111,7 +115,7 @@ def _with_closing_speeds(x: Expression) -> Expression:
 
 
 def _in_brackets(x: Expression, part_of: Callable[[Monomial], Monomial | None]) -> Expression:
-    """Terms whose other factors and numbers are equal, up to signs: their parts in brackets."""
+    """A sum whose terms that differ only in a part, up to signs, have these parts in brackets."""
     parts: dict[tuple, dict[Monomial, Coefficient]] = {}
     found: dict[Monomial, Coefficient] = {}
     for m, c in x.terms.items():
@@ -131,7 +135,7 @@ def _in_brackets(x: Expression, part_of: Callable[[Monomial], Monomial | None]) 
 
 
 def _beside_own_velocity(m: Monomial) -> Monomial | None:
-    """A velocity together with its coordinate in a term, or such differences of two of each."""
+    """A velocity and its coordinate in a term, or differences of velocities and of coordinates."""
     moving = [(a, e) for a, e in m if _of_kind(a, "velocity")]
     if len(moving) != 1 or moving[0][1] != 1:
         return None
@@ -173,19 +177,19 @@ def _with_steady(x: Expression) -> Expression:
 
 
 def of_energy(x: Expression) -> Expression:
-    """An energy, by squares of velocities, with squares that share a coefficient together."""
+    """An energy collected by squares of velocities, those with equal coefficients together."""
     for key in (_velocities, _motion, _lengths):
         x = _unite(x, key)
     return gather_squares(_with_halves(x))
 
 
 def of_momentum(x: Expression) -> Expression:
-    """A momentum, by velocities, each with its whole coefficient."""
+    """A momentum collected by velocities, each with its whole coefficient."""
     return _unite(x, lambda m: tuple((a, e) for a, e in m if _is_velocity(a)) or None)
 
 
 def of_points(x: Expression) -> Expression:
-    """A momentum of points by their masses: m (x y' - y x')."""
+    """A momentum of points collected by their masses: m (x y' - y x')."""
     return _unite(x, lambda m: tuple(f for f in m if not depends_on_state(f[0])) or None)
 
 
@@ -204,7 +208,7 @@ def _with_halves(x: Expression) -> Expression:
 
 
 def factor_common(x: Expression) -> Expression:
-    """The factor that all terms share, in front of brackets with the rest."""
+    """An expression with the factor that all terms share in front of brackets."""
     if len(x.terms) < 2:
         return collect(x)
     content, common, inner = split_common(x)
@@ -214,7 +218,7 @@ def factor_common(x: Expression) -> Expression:
 
 
 def factor_shared(x: Expression) -> Expression:
-    """The factor of all terms in front of brackets, with quotients of lengths left in them."""
+    """The same as `factor_common`, but quotients of lengths stay in the brackets."""
     if len(x.terms) < 2:
         return collect(x)
     content, common, inner = split_common(x, _beside_lengths)
@@ -235,7 +239,7 @@ def _lengths(m: Monomial) -> Monomial | None:
     return tuple((a, e) for a, e in m if _is_short(a, e)) or None
 
 
-def _alike(x: Expression) -> Expression:
+def _with_differences(x: Expression) -> Expression:
     """Positions with equal coefficients in brackets: k (x2 - x1)."""
 
     def places_of(m: Monomial) -> Monomial | None:
@@ -260,7 +264,7 @@ def _motion(m: Monomial) -> Monomial | None:
 
 
 def _beside_velocities(m: Monomial) -> Monomial | None:
-    """The coefficient of velocities in a term, if it has several factors."""
+    """The coefficient of the velocities in a term, if this coefficient has several factors."""
     left = tuple((a, e) for a, e in m if not _is_velocity(a))
     return left if len(left) > 1 and len(left) < len(m) and _outer(m) is None else None
 
@@ -275,7 +279,7 @@ def _is_length(a: Atom, e: Fraction) -> bool:
 
 
 def _unite(x: Expression, key: Callable[[Monomial], Monomial | None]) -> Expression:
-    """Terms that share a part collected: the part in front of brackets with the rest."""
+    """A sum with terms that share a part collected: the part in front of brackets with the rest."""
     parts: dict[Monomial, dict[Monomial, Coefficient]] = {}
     found: dict[Monomial, Coefficient] = {}
     for m, c in x.terms.items():

@@ -256,7 +256,9 @@ def code(
     inputs |= {node: f"p[{i + first}]" for i, node in enumerate(numbers)}
     body, results = _lines(graph, list(found), inputs, chosen, language)
     labels = [label for label, _ in scene.labels()]
-    comments = [f"{key}: {', '.join(said)}" for key, said in (("y", labels), ("p", names)) if said]
+    comments = [
+        f"{key}: {', '.join(entries)}" for key, entries in (("y", labels), ("p", names)) if entries
+    ]
     return chosen.layout.format(
         name=name,
         comments="".join(f"{chosen.comment}{line}\n" for line in comments),
@@ -275,19 +277,19 @@ def _lines(
     lines: list[str] = []
 
     def at(a: Number, least: int) -> str:
-        text, holds = texts[a] if isinstance(a, Node) else _number(a, to)
-        return text if holds >= least else f"({text})"
+        text, precedence = texts[a] if isinstance(a, Node) else _number(a, to)
+        return text if precedence >= least else f"({text})"
 
     for node in nodes:
         if node in texts or node not in uses:
             continue
-        text, holds = _operation(node, at, to, language)
+        text, precedence = _operation(node, at, to, language)
         if uses[node] > 1 or len(text) > _LONGEST:
             name = f"v{len(lines) + 1}"
             kind = "int" if _is_condition(node) else "double"
             lines.append(to.let.format(kind=kind, name=name, value=text))
-            text, holds = name, _WHOLE
-        texts[node] = text, holds
+            text, precedence = name, _WHOLE
+        texts[node] = text, precedence
     return lines, [at(x, _CHOICE) for x in results]
 
 

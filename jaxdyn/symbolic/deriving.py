@@ -86,7 +86,7 @@ class DerivedEquations(NamedTuple):
         inertia.
       solved: whether the equations give the derivative of each entry.
       alone: whether the derivatives are alone on the left-hand side.
-      kinematic: number of equations at the end that belong to the attitude.
+      kinematic: number of equations at the end that are rates of the attitude.
       followers: coordinates that follow from the free ones, if there are any.
       notes: meanings of symbols that a reader cannot guess.
     """
@@ -109,7 +109,7 @@ class DerivedEquations(NamedTuple):
     notes: tuple[Note, ...] = ()
 
     def slope(self, x: Expression, by: Symbol) -> Expression:
-        """The derivative of an expression by an entry of the state, including its followers."""
+        """The derivative of an expression by an entry of the state, through followers too."""
         return self.followers.slope(x, by) if self.followers else x.differentiate(by)
 
 
@@ -274,7 +274,7 @@ def _lagrange(scene: Scene) -> DerivedEquations:
 
 
 def _by_time(found: Symbols, q: Any, v: Any, a: Any) -> Callable[[Expression], Expression]:
-    """The derivative of an expression by time, along a motion."""
+    """The function that differentiates expressions with respect to time, along a motion."""
     rates = dict(zip((*q, *v, found.time), (*v, *a, 1), strict=True))
     return lambda x: total(x.differentiate(s) * as_expression(rate) for s, rate in rates.items())
 
@@ -401,7 +401,7 @@ def _of_points(mechanism: Mechanism, effects, t, q, v) -> tuple:
 
 
 def _of_body(scene: Scene, found: Symbols) -> tuple[Expression, Expression, dict[Symbol, float]]:
-    """The energies of a body by Euler angles, with its moments of inertia and their values."""
+    """The energies of a body in Euler angles, and the values of its moments of inertia."""
     system: Any = scene.system
     matter = _Matter(system.mechanism.matter)
 
@@ -547,7 +547,7 @@ def _rigid(scene: Scene) -> DerivedEquations:
 
 
 def _angular_momenta(R, momentum, omega, torque: np.ndarray) -> dict[str, Expression]:
-    """Those that are conserved: along fixed axes, and along the third axis of a symmetric body."""
+    """The conserved ones: along fixed axes, and along the third axis of a symmetric body."""
     found = {
         f"H_{axis}": row @ momentum
         for axis, row in zip("xyz", R, strict=True)
@@ -573,7 +573,7 @@ class _Matter:
 
     def __init__(self, matter: MaterialPoints):
         r, m = (np.asarray(x) for x in matter)
-        # One program, where each operation by itself would be one.
+        # This is one program, or each operation would be compiled by itself.
         centre, inertia = m @ r / m.sum(), np.asarray(jax.jit(inertia_matrix)(matter))
         self.values: dict[Symbol, float] = {}
         self.mass = self._symbol("m", "", m.sum(), 2, 0.0)
@@ -608,7 +608,7 @@ class _Matter:
         return as_expression(found)
 
 
-#: Coordinates of the centre and products of inertia up to this size are 0 up to rounding.
+#: Coordinates of the centre and products of inertia up to this relative size are rounding.
 _ROUNDED = 1e-14
 
 
@@ -632,7 +632,7 @@ def _loads(
 
     R, *gravity = read(scene, found, attitude)
     if isinstance(scene.system.attitude, Quaternion):
-        # Its length is 1, which the program of the matrix does not assume.
+        # The quaternion has length 1, which the program of the matrix does not assume.
         square = total(as_expression(s) ** 2 for s in found.state[3 * free : 3 * free + 4])
         one = {Group(square): number(1)}
         R = objects([simplify(x.replace(one.get)) for x in R.ravel()], (3, 3))

@@ -160,7 +160,7 @@ class Equations(Printed):
         return Section("impacts", "Impacts: the place, and the state just after (+)", tuple(lines))
 
     def _line(self, whole: Expression, force: Expression) -> Line:
-        """One equation: terms with the motion on the left, forces without a potential right."""
+        """One equation: terms of the motion on the left, forces without potential on the right."""
         found = self._derived
         whole, force = self._lengths(whole), self._lengths(force)
         parts = {s: whole.differentiate(s) for s in self._unknowns}
@@ -341,10 +341,10 @@ class Equations(Printed):
                 matrix[i, unknowns.index(s)] = x.value(values)
         rest = np.array([row.rest.value(values) for row in self._rows])
         scale = np.abs(matrix).max(axis=1, keepdims=True)
-        # If multipliers are not determined, the smallest ones are taken.
+        # If multipliers are not determined, those of least norm are taken.
         matrix, rest = matrix / scale, rest / scale[:, 0]
         solution = np.zeros(len(unknowns))
-        # Forces and accelerations differ in size; the second time removes the rounding of that.
+        # Forces and accelerations differ in size; the second solve removes the rounding by that.
         for _ in range(2):
             solution += np.linalg.lstsq(matrix, rest - matrix @ solution, rcond=_RANK)[0]
         values |= dict(zip(unknowns, solution.tolist(), strict=True))
@@ -392,7 +392,7 @@ class Equations(Printed):
         return Linear(self._derived, at, self._values)
 
     def jacobian(self) -> Matrices:
-        """The derivatives J of the rate by the state, with symbols as entries.
+        """The derivatives J of the rate with respect to the state, with symbols as entries.
 
         Raises:
           ValueError: some equation contains more than one highest derivative; the Jacobian would be
@@ -447,7 +447,7 @@ def equations(scene: Scene) -> Equations:
 
 
 def _remark(unit: str, meaning: str) -> str:
-    """The unit of a parameter and what it is, behind its value."""
+    """The unit of a parameter and its meaning, which follow its value."""
     return f"{unit} {f'({meaning})' if meaning else ''}".strip()
 
 

@@ -1,7 +1,7 @@
 """The equations of a mechanism whose coordinates follow from a few free ones, as in a linkage.
 
 The `opened_form` has constraints phi(q, s) = 0 of the free coordinates q and the followers s.
-Velocities and accelerations follow by ratios kappa,
+Their velocities and accelerations follow with ratios kappa,
 
     s' = kappa q',    s'' = kappa q'' + sigma,    kappa = -(dphi/ds)^-1 dphi/dq,
 
@@ -51,14 +51,14 @@ class Followers(NamedTuple):
         return dict(zip(self.coordinates, found.tolist(), strict=True))
 
     def slope(self, x: Expression, by: Symbol) -> Expression:
-        """The derivative of an expression by an entry of the state, on which the others depend."""
-        meant = dict(self.definitions)
+        """The derivative by an entry of the state, through followers and their ratios too."""
+        defined = dict(self.definitions)
         found = x.differentiate(by)
         for s in x.symbols():
             if s in self.slopes:
                 found = found + x.differentiate(s) * self.slopes[s].get(by, number(0))
-            elif s in meant:
-                found = found + x.differentiate(s) * self.slope(meant[s], by)
+            elif s in defined:
+                found = found + x.differentiate(s) * self.slope(defined[s], by)
         return found
 
 
@@ -116,18 +116,18 @@ def find_followers(
         index = follower.index or follower.name
         several = [str(i + 1) if n > 1 else "" for i in range(n)]
         ratios = [_short("kappa", f"{index}{i}", k) for i in several]
-        values = [_times(inverse[k], column) for column in columns]
+        values = [_minus_product(inverse[k], column) for column in columns]
         kappas += list(zip(ratios, values, strict=True))
         slopes[follower] = dict(zip(q, map(as_expression, ratios), strict=True))
-        bent = _times(inverse[k], [x.replace(at_rest.get) for x in second])
-        sigmas.append((_short("sigma", index, len(s) + k), bent))
+        sigma = _minus_product(inverse[k], [x.replace(at_rest.get) for x in second])
+        sigmas.append((_short("sigma", index, len(s) + k), sigma))
     speeds = [
         (v, total(slopes[follower][x] * u for x, u in zip(q, all_.v[:n], strict=True)))
         for follower, v in zip(s, all_.v[n:], strict=True)
     ]
     seconds = [
-        (a, total(slopes[follower][x] * u for x, u in zip(q, all_.a[:n], strict=True)) + bent)
-        for follower, a, (bent, _) in zip(s, all_.a[n:], sigmas, strict=True)
+        (a, total(slopes[follower][x] * u for x, u in zip(q, all_.a[:n], strict=True)) + sigma)
+        for follower, a, (sigma, _) in zip(s, all_.a[n:], sigmas, strict=True)
     ]
     place = scene.system.mechanism.opened_form().place
 
@@ -166,7 +166,7 @@ def _short(stem: str, index: str, rank: float) -> Symbol:
     return Symbol(stem + index, "short", stem=stem, index=index, rank=rank)
 
 
-def _times(row: Sequence[Expression], column: Sequence[Expression]) -> Expression:
+def _minus_product(row: Sequence[Expression], column: Sequence[Expression]) -> Expression:
     """Minus the product of a row of the inverse with a column."""
     return simplify(-total(a * b for a, b in zip(row, column, strict=True)))
 

@@ -26,14 +26,14 @@ def impacts(scene: Scene, of: Symbols) -> list[tuple[Expression, dict[Symbol, Ex
     for name, phase in phases_of(scene).items():
         if phase.scene.system is not scene.system:  # other equations hold there
             continue
-        for number, way in enumerate(phase.exits):
-            if way.to == END:
+        for number, exit_ in enumerate(phase.exits):
+            if exit_.to == END:
                 continue
 
             def law(field, t, y, name=name, number=number):
                 moved = Scene(*field, y0=scene.y0, t1=scene.t1)
-                way = phases_of(moved)[name].exits[number]
-                return way.event.value(t, y), getattr(way.change, "law", way.change)(t, y)
+                exit_ = phases_of(moved)[name].exits[number]
+                return exit_.event.value(t, y), getattr(exit_.change, "law", exit_.change)(t, y)
 
             where, after = read(scene, of, law)
             if changed := _changed(of, after):

@@ -97,7 +97,7 @@ def descriptions(scene: Scene, leaf: Leaf) -> list[Description]:
       >>> [one.meaning for one in descriptions(scene, leaves(scene.field)[0])]
       ['mass of the cart', 'mass of the point']
     """
-    if "params" in leaf.path:  # of a function of the user, who knows
+    if "params" in leaf.path:  # those of a user's function have no docstring
         return [Description("", "")] * leaf.value.size
     owner: Any = scene.field
     unit = meaning = ""
@@ -175,7 +175,7 @@ def _named_parts(
 ) -> list[tuple[tuple[str, ...], np.ndarray]]:
     """An array as a whole, without a name, or its entries by the names that the system has."""
     of, *rest = path
-    while rest[:1] == ["system"]:  # inside another one, which has the same names
+    while rest[:1] == ["system"]:  # an extended system, which has the same names
         del rest[0]
     names = field.system.parameter_names().get(rest[0]) if of == "system" and rest else None
     if names is None:

@@ -1,9 +1,9 @@
-"""The forces of constraints as formulas, by Newton's law for each body cut free.
+"""The forces of constraints as formulas, by Newton's law for each free body.
 
 The bodies and what holds them are those of `System.bodies` and `System.joints`. A body with only
-one unknown joint gives the force in it, and with this the next one has one unknown joint less, as
-from the tip of a pendulum to its pivot. Closed loops, and bodies held at several places, stay
-without formulas: there the law of moments is needed as well, and the result fills pages.
+one unknown joint gives the force in it, and with this the next one has one unknown joint fewer, as
+from the tip of a pendulum to its pivot. Closed loops, and bodies held at several places, have no
+formulas: the balance of moments would be needed as well, and the result would fill pages.
 """
 
 import itertools
@@ -49,10 +49,10 @@ def reactions_of(
     Args:
       scene: a mechanism without multipliers.
       found: its symbols.
-      by_time: the derivative of an expression by time, along a motion.
+      by_time: differentiates an expression with respect to time, along a motion.
     """
     if any("generalized" in effect.acts for effect in scene.effects):
-        return ()  # a force on a coordinate acts at no place
+        return ()  # a force on a coordinate has no point of application
     t, y = jnp.zeros(()), jnp.asarray(scene.y0)
     bodies, joints = scene.system.bodies(t, y), scene.system.joints(t, y)
     m, rows = np.asarray(scene.system.points(t, y).m), [np.asarray(j.directions) for j in joints]
@@ -86,23 +86,23 @@ def reactions_of(
             break
         b, i = ready[0]
         joint, axes = joints[i], directions[i].tolist()
-        way = _way(joint) * (1 if joint.on == b else -1)
+        orientation = _orientation(joint) * (1 if joint.on == b else -1)
         for symbol, axis in zip(named[i], axes, strict=True):
             along = total(x * f for x, f in zip(axis, needed[b], strict=True))
-            values[symbol] = simplify(way * along)
-        for other, sign in ((joint.on, _way(joint)), (joint.by, -_way(joint))):
+            values[symbol] = simplify(orientation * along)
+        for other, sign in ((joint.on, _orientation(joint)), (joint.by, -_orientation(joint))):
             if other is not None:
                 for symbol, axis in zip(named[i], axes, strict=True):
                     pull = [sign * as_expression(symbol) * x for x in axis]
                     needed[other] = [x - f for x, f in zip(needed[other], pull, strict=True)]
         open_.remove(i)
-    said = [
+    reactions = [
         Reaction(symbol, values[symbol], meaning)
         for i, joint in enumerate(joints)
         if i not in open_
         for symbol, meaning in zip(named[i], _meanings(joint, bodies[joint.on].name), strict=True)
     ]
-    return tuple(said) if all(_terms(one.value) <= _MOST_TERMS for one in said) else ()
+    return tuple(reactions) if all(_terms(one.value) <= _MOST_TERMS for one in reactions) else ()
 
 
 def _symbols(counts: Sequence[int]) -> list[list[Symbol]]:
@@ -114,8 +114,8 @@ def _symbols(counts: Sequence[int]) -> list[list[Symbol]]:
     ]
 
 
-def _way(joint: Joint) -> int:
-    """-1 for a rod, whose tension is printed, and whose direction is that of a push."""
+def _orientation(joint: Joint) -> int:
+    """-1 for a rod, whose direction is that of a push, while its tension is printed; else 1."""
     return 1 if joint.other is None else -1
 
 
@@ -143,7 +143,7 @@ def only_multiplier(
     multiplier: Symbol,
     lengths: Mapping[Expression, Expression],
 ) -> Expression | None:
-    """The value of the only multiplier, if each equation has one derivative of its own.
+    """The value of the only multiplier, if each equation has one highest derivative of its own.
 
     Args:
       equations: sums that are zero: one for each unknown, and the condition on all of them.

@@ -127,10 +127,10 @@ def _expression(
 
 
 def _condition_in(condition: Number) -> tuple[Number, bool]:
-    """The condition that a comparison of its number, 1 or 0, tests, and whether it must fail.
+    """The condition whose value, 1 or 0, is compared, and whether the condition must be false.
 
-    Rates as text compare in this way: ``if(x > 1)then(...)`` tests whether the number of x > 1 is
-    not 0.
+    Rates that are written as text compare in this way: ``if(x > 1)then(...)`` tests whether the
+    value of x > 1 is not 0.
     """
     opposite = False
     while isinstance(condition, Node) and condition.op in ("eq", "ne"):

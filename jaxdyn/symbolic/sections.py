@@ -154,7 +154,7 @@ def _lines(section: Section) -> list[str]:
 
 
 def _latex(remark: str) -> str:
-    """A remark as text, in which powers and names of variables are formulas."""
+    """A remark as text, in which powers are formulas."""
     if not remark:
         return ""
     powers = re.sub(r"\^(-?\w+)", r"$^{\1}$", remark)

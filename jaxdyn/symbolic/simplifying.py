@@ -53,7 +53,7 @@ def with_sum(x: Expression, part: Expression) -> tuple[Monomial, Expression, obj
 
 
 def _differences(x: Expression) -> set[Group]:
-    """The differences in brackets, and those of which a size or a sign is taken."""
+    """The differences in brackets, and those whose absolute value or sign is taken."""
     found = set()
     for a, _ in factors_in(x):
         for y in sums_in(a):

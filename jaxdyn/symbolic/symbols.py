@@ -185,7 +185,7 @@ def _parameters(
         each = zip(
             places(leaf), leaf.value.ravel().tolist(), descriptions(scene, leaf), strict=True
         )
-        for place, value, said in each:
+        for place, value, description in each:
             if value == 0 or leaf.is_fixed:
                 found.append(number(value))
                 continue
@@ -201,12 +201,12 @@ def _parameters(
             found.append(as_expression(symbol))
             values[symbol] = value
             names[symbol] = f"{'.'.join(leaf.path)}{place}"
-            described[symbol] = said
+            described[symbol] = description
     return tuple(found), values, names, described
 
 
 def _same_place(all_: list[Leaf], i: int) -> int | None:
-    """The earlier array for the same point, as where a spring and a dashpot begin at one point."""
+    """The earlier array for the same point, as for a spring and a dashpot with one anchor."""
     leaf = all_[i]
     return next(
         (

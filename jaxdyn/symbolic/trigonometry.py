@@ -35,7 +35,7 @@ def shorten(x: Expression) -> Expression:
 
 
 def shorten_deeply(x: Expression) -> Expression:
-    """The same, applied inside brackets and arguments too."""
+    """The same, applied inside brackets too, also in those of arguments."""
 
     def inside(a: Atom) -> Expression | None:
         if isinstance(a, Group):

@@ -150,7 +150,7 @@ class Style(abc.ABC):
             return self.relation(left, _SIGNS[a.op], right)
         args = [self.expression(x) for x in a.args]
         if a.op == "pow":
-            plain = _is_symbol(a.args[0]) or a.args[0].terms.keys() <= _sizes(a.args[0])
+            plain = _is_symbol(a.args[0]) or a.args[0].terms.keys() <= _absolute_values(a.args[0])
             base = args[0] if plain else self.brackets(args[0])
             return self.power(base, args[1])
         plain = a.op in _PLAIN and _is_symbol(a.args[0])
@@ -168,7 +168,7 @@ def _is_symbol(x: Expression) -> bool:
     )
 
 
-def _sizes(x: Expression) -> set[Monomial]:
+def _absolute_values(x: Expression) -> set[Monomial]:
     """The terms of an expression that are absolute values, which need no further brackets."""
     return {m for m in x.terms if len(m) == 1 and isinstance(m[0][0], Call) and m[0][0].op == "abs"}
 

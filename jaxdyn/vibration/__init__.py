@@ -1,12 +1,12 @@
 """Linear vibrations of any scene about an equilibrium, and forced scenes.
 
 `natural` has natural frequencies, damping ratios and mode shapes, with M, C and K; `transfer` the
-transfer functions from an input to an output and the frequency response functions that engineers
-name: receptance, mobility, accelerance, transmissibility. `inputs` has the ways to act on a scene
-(a force, a moving base, a parameter) and the measured quantities, `signals` the dependence on time
-(a sine, a step, a pulse, a sweep, an imbalance, a table); `forcing` makes a scene with an input,
-for all functions that take a scene. The nonlinear responses of such a scene over frequency are
-`orbits.frequency_response`.
+transfer functions from an input to an output and the frequency response functions of engineering:
+receptance, mobility, accelerance, transmissibility. `inputs` has the inputs of a scene (a force, a
+moving base, a parameter) and the measured quantities, `signals` the dependence on time (a sine, a
+step, a pulse, a sweep, an imbalance, a table); `forcing` makes a scene with an input, for all
+functions that take a scene. `orbits.frequency_response` has the nonlinear responses of such a scene
+over frequency.
 
 May import: `analysis`, `effects`.
 

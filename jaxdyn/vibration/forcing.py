@@ -74,8 +74,8 @@ def drive(scene: Scene, input: str | Input, signal: Signal, t1=None) -> Scene:
       The same scene with the input. `jax.grad` and `jax.vmap` apply to its parameters and to those
       of the signal.
     Raises:
-      ValueError: the input does not suit the scene, a number of the signal is invalid, or a signal
-        with a jump acts by its rate.
+      ValueError: the input does not suit the scene, a number of the signal is invalid, or the scene
+        depends on the rate of a signal that jumps.
     Example:
       >>> import jaxdyn
       >>> from jaxdyn import scenes, vibration
@@ -93,7 +93,7 @@ def drive(scene: Scene, input: str | Input, signal: Signal, t1=None) -> Scene:
 
 
 def _check_jump(scene: Scene, found: Input, signal: Signal) -> None:
-    """Raise ValueError if a signal with a jump acts by its rate, which would be an impulse."""
+    """Raise ValueError if a scene depends on the rate of a signal that jumps, an impulse."""
     if not (signal.jumps and found.order):
         return
 

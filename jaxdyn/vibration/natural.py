@@ -50,8 +50,8 @@ class NaturalModes:
     def frequencies(self) -> Array:
         """(m,) natural angular frequencies |eigenvalue| [rad/s].
 
-        A real eigenvalue has no frequency; here, as in MATLAB's ``damp``, is its size, with the
-        damping ratio 1 or -1. See `growth_rates`.
+        For a real eigenvalue, which has no frequency, it is the absolute value, as in MATLAB's
+        ``damp``, with the damping ratio 1 or -1. See `growth_rates`.
         """
         return jnp.abs(self.eigenvalues)
 
@@ -109,13 +109,13 @@ class NaturalModes:
                 f"{name} {_entry(complex(x), real)}"
                 for name, x in zip(names, np.asarray(shape), strict=False)
             )
-            rows.append((f"mode {number}", f"{_said(value, time)}: {', '.join(entries)}"))
+            rows.append((f"mode {number}", f"{_in_words(value, time)}: {', '.join(entries)}"))
         return _text.table("Natural modes", rows)
 
     _repr_html_ = _text.html
 
 
-def _said(value: complex, time: str) -> str:
+def _in_words(value: complex, time: str) -> str:
     """An eigenvalue as a frequency and a damping ratio; a real one as a rate."""
     if value.imag == 0 and value.real != 0:
         rate = _text.brief(abs(float(value.real)), f"1/{time}" if time else "")
@@ -146,8 +146,8 @@ def modes(scene: Scene, y=None, t=0.0) -> NaturalModes:
     Raises:
       ValueError: y is not an equilibrium, or of another shape.
     Limits: differentiable with respect to the scene's parameters if eigenvalues are distinct.
-      Inside jit, grad and vmap there are k / 2 modes, the first of them NaN for those that do not
-      oscillate, since their number is not known. Each constraint of a mechanism adds modes of
+      Inside jit, grad and vmap there are always k / 2 modes; those that do not oscillate, whose
+      number is not known then, come first and are NaN. Each constraint of a mechanism adds modes of
       frequency 0.
     Reference: Meirovitch (2001), Fundamentals of Vibrations, chapter 7.
     Example:
@@ -209,5 +209,5 @@ def _bars(a: Array, vectors: Array) -> Array:
     norm, right = jnp.linalg.norm(a * d.T / d, 2), vectors / d.astype(vectors.dtype)
     left = jnp.linalg.inv(right)  # infinite or NaN for parallel eigenvectors
     condition = jnp.linalg.norm(left, axis=1) * jnp.linalg.norm(right, axis=0)
-    wrong = ERROR_SAFETY * ROUNDING * norm
-    return jnp.fmin(condition * wrong, (2 * norm) ** (1 - 1 / k) * wrong ** (1 / k))
+    error_bound = ERROR_SAFETY * ROUNDING * norm
+    return jnp.fmin(condition * error_bound, (2 * norm) ** (1 - 1 / k) * error_bound ** (1 / k))

@@ -34,7 +34,7 @@ class Signal(Record):
         """Raise ValueError if a number is invalid; traced numbers pass."""
 
     def or_nan(self) -> "Signal":
-        """The signal, which is NaN where traced numbers are invalid."""
+        """The signal, with NaN as its value if traced numbers are invalid."""
         return self
 
 
@@ -77,7 +77,7 @@ class Pulse(Signal):
 
 
 class Sweep(Signal):
-    """A sine whose angular frequency goes linearly from low to high [rad/s] in a duration [s]."""
+    """A sine with an angular frequency that changes linearly from low to high in a duration [s]."""
 
     amplitude: Array = eqx.field(converter=as_float)
     low: Array = eqx.field(converter=as_float)
@@ -99,7 +99,7 @@ class Sweep(Signal):
 class Imbalance(Signal):
     """The force of a rotating imbalance along an axis, while a rotor runs up to its speed.
 
-    The rotor turns by an angle theta, and its angular frequency omega goes linearly from low to
+    The rotor turns by an angle theta, and its angular frequency omega changes linearly from low to
     high in a duration, then stays: the force is U (omega^2 cos theta + omega' sin theta), with
     U = mass times eccentricity. The phase is the angle of the axis: pi / 2 for y, if x has 0.
 
@@ -150,7 +150,7 @@ class Table(Signal):
     accurate as for a smooth signal.
 
     Attributes:
-      ts: (n,) times [s], increasing; where they are traced and do not, the motion is NaN.
+      ts: (n,) times [s], increasing; if they are traced and not increasing, the motion is NaN.
       values: (n,) values of the signal.
     """
 

@@ -36,7 +36,7 @@ class TransferFunction(Record):
 
     `drawing.bode` and `to_pandas` show it with the names and units of both.
 
-    Several of them, that `jax.vmap` made, are a function whose values have their axes in front.
+    A batch of them, made by `jax.vmap`, is a function whose values have the batch axes in front.
 
     Attributes:
       a: (k, k) A.
@@ -146,8 +146,8 @@ def _grouped(unit: str) -> str:
 def _solve(matrix: Array, right: Array) -> Array:
     """(k,) the solution of linear equations, also where entries have different units.
 
-    A velocity in m/s is thousands of times the position in m at kHz, and elimination loses as much.
-    A correction from the residual makes up for it (Skeel 1980, Math. Comp. 35, 817).
+    At kHz a velocity in m/s is thousands of times the position in m, and elimination loses as much.
+    One step of iterative refinement restores it (Skeel 1980, Math. Comp. 35, 817).
     """
     found = jnp.linalg.solve(matrix, right)
     return found + jnp.linalg.solve(matrix, right - matrix @ found)
@@ -191,7 +191,7 @@ def transfer_function(
     found = check_input(scene, input)
     y = _checks.array("y", scene.y0 if y is None else y, scene.y0.shape)
     t = _checks.array("t", t, ())
-    looked_at = output("to", to, scene)
+    measured = output("to", to, scene)
     if not _checks.is_traced((scene, y, t)):
         check_equilibrium(scene, y, t)
 
@@ -199,7 +199,7 @@ def transfer_function(
         return found.rate(scene.field, t, y, u)
 
     b = jax.jacfwd(rate)(jnp.zeros(found.order + 1))
-    c = jax.jacfwd(lambda y: looked_at(t, y))(y)
+    c = jax.jacfwd(lambda y: measured(t, y))(y)
     return TransferFunction(
         jacobian(scene, y, t),
         b,

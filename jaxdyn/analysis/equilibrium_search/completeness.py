@@ -1,7 +1,7 @@
 """Whether a search found all zeros in a box: a comparison with interval bisection.
 
 `bisect` gives the boxes that hold exactly one zero each, and those that it cannot decide.
-`judge` says whether each zero that is proved to exist was found, and what the others may hold.
+`judge` says whether each zero that is proved to exist was found, and what is left undecided.
 """
 
 from typing import NamedTuple
@@ -34,7 +34,7 @@ from jaxdyn.solvers.formulas.graph import Node, NotElementary
 
 _MIN_BOX = 1e-9  # part of the box: smaller boxes are not bisected
 _MAX_WORK = 4_000_000  # boxes times operations: one to two seconds
-_OVERLAP = 1.1  # boxes are examined with a margin, or a zero on a common side would be missed
+_OVERLAP = 1.1  # boxes are examined with a margin, or a zero on a common face would be missed
 _ROUNDING = 1e-14  # rounding of sums of a few products, relative to their terms
 
 
@@ -44,7 +44,7 @@ class Isolation(NamedTuple):
     Attributes:
       single: boxes with exactly one zero each, which may overlap.
       open: boxes in which there may be zeros.
-      size: size of the undecided boxes, relative to the whole.
+      size: largest size of the undecided boxes, relative to the whole box.
     """
 
     single: np.ndarray
@@ -119,7 +119,7 @@ class _Equations:
         return _stack([x.value for x in found]), _stack([x.slope for x in found])
 
     def examine(self, lows: np.ndarray, highs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(cells,) which boxes provably hold no zero, and which exactly one."""
+        """(cells,) whether each box provably holds no zero, and whether exactly one."""
         centre = (lows + highs) / 2
         radius = _OVERLAP * (highs - lows) / 2
         value, slope = self._bounds(Interval(centre - radius, centre + radius))
@@ -171,16 +171,12 @@ def _krawczyk(middle: Interval, slope: Interval, radius: np.ndarray) -> tuple:
 
 # ---- Whether a search found all zeros in a box: a comparison with interval bisection
 
-_MARGIN = 1e-6  # part of the box that is added to it, or a zero on its boundary would be lost
+_MARGIN = 1e-6  # part of the box, added on each side: a zero on its boundary would be lost
 _POINT_SIZE = 1e-8  # part of the box: undecided boxes of this size mark points
 _MERGE_DISTANCE = 1e-6  # part of the box: undecided boxes nearer than this mark one point
 _DIRECTIONS = 256
-_DISTANCES = (
-    1.0,
-    1e2,
-    1e4,
-)  # multiples of the size of an undecided place: where the rate is sampled about it
-#: Part of its largest size there: a rate that is larger at all samples has no zero.
+_DISTANCES = (1.0, 1e2, 1e4)  # of samples of the rate, in sizes of the undecided place
+#: Part of the rate at the farthest samples: a rate that is larger at all samples has no zero.
 _MIN_RATE_WITHOUT_ZERO = 1e-3
 
 
@@ -188,7 +184,7 @@ class Proof(NamedTuple):
     """The result of interval bisection on a box.
 
     Attributes:
-      box: the box without the entries that must be 0 at rest.
+      box: the box, in which entries that must be 0 at rest are fixed.
       found: the boxes that may hold equilibria; None where nothing is known.
       why_not: the reason why nothing is known.
     """
@@ -218,7 +214,7 @@ def bisect(field: Field, t: Array, box: Box) -> Proof:
 
 
 def _at_rest(found: Formulas, box: Box) -> Box:
-    """The box without entries that are rates of others, such as velocities, which are 0."""
+    """The box with entries fixed at 0 that are rates of others, such as velocities."""
     zero = [node in found.rates for node in found.states]
     zero = np.array(zero) & (box.low <= 0) & (box.high >= 0)
     if zero[box.free].all():
@@ -229,7 +225,7 @@ def _at_rest(found: Formulas, box: Box) -> Box:
 def judge(
     proof: Proof, field: Field, t: Array, ys: np.ndarray, jumps: np.ndarray
 ) -> tuple[bool, str]:
-    """Whether zeros (s, k) are all in a box, and why, or why not, as text.
+    """Whether zeros (s, k) are all of those in a box, and why, or why not, as text.
 
     Args:
       proof: the result of bisection.
@@ -239,24 +235,24 @@ def judge(
       jumps: (j, k) points where the rate is 0 but discontinuous.
     """
     box = proof.box
-    said = ""
+    notes = ""
     if len(jumps):
-        said = f". Not listed: {_list(box, jumps)}, where the rate is 0 but discontinuous"
-    doubt = _doubt(proof, field, t, ys)
-    if doubt:
-        return False, f"not certain: {doubt}{said}"
+        notes = f". Not listed: {_list(box, jumps)}, where the rate is 0 but discontinuous"
+    uncertain = _why_uncertain(proof, field, t, ys)
+    if uncertain:
+        return False, f"not certain: {uncertain}{notes}"
     assert proof.found is not None
-    sharp = [box.states(middle) for middle, _ in _places(box, proof.found.open)]
-    if sharp:
-        said = (
-            f" except the points {_list(box, sharp)}, where the rate is discontinuous; samples "
-            f"around them show no equilibrium{said}"
+    discontinuous = [box.states(middle) for middle, _ in _places(box, proof.found.open)]
+    if discontinuous:
+        notes = (
+            f" except the points {_list(box, discontinuous)}, where the rate is discontinuous; "
+            f"samples around them show no equilibrium{notes}"
         )
-    return True, f"complete: interval bisection excludes any other equilibrium in the box{said}"
+    return True, f"complete: interval bisection excludes any other equilibrium in the box{notes}"
 
 
-def _doubt(proof: Proof, field: Field, t: Array, ys: np.ndarray) -> str:
-    """Why there may be more, or fewer; "" if there is no doubt."""
+def _why_uncertain(proof: Proof, field: Field, t: Array, ys: np.ndarray) -> str:
+    """Why the list of zeros may be incomplete or wrong; "" if it is proved."""
     box, found = proof.box, proof.found
     if found is None:
         return f"interval bisection has no bounds for the rate ({proof.why_not})"
@@ -318,11 +314,11 @@ def _nowhere_zero(field: Field, t: Array, box: Box, middle: np.ndarray, radius: 
 
     A rate that is smooth and has a zero there decreases as the samples approach it.
     """
-    ways = 2 * low_discrepancy(_DIRECTIONS, len(middle)) - 1
-    ways /= np.abs(ways).max(axis=1, keepdims=True)
-    points = np.stack([middle + far * radius * ways for far in _DISTANCES])
+    directions = 2 * low_discrepancy(_DIRECTIONS, len(middle)) - 1
+    directions /= np.abs(directions).max(axis=1, keepdims=True)
+    points = np.stack([middle + far * radius * directions for far in _DISTANCES])
     ys = box.states(points.reshape(-1, len(middle)))
-    found = np.abs(rates(field, t, ys)).reshape(len(_DISTANCES), len(ways), -1)
+    found = np.abs(rates(field, t, ys)).reshape(len(_DISTANCES), len(directions), -1)
     sizes = found[-1].max(axis=0)
     moves = sizes > 0
     return bool((found[:, :, moves] / sizes[moves]).max(axis=2).min() > _MIN_RATE_WITHOUT_ZERO)

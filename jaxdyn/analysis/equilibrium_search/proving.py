@@ -13,7 +13,7 @@ from jaxdyn.ball_arithmetic.field import ball_field, scene_formulas
 from jaxdyn.ball_arithmetic.zeros import BITS, zeros
 from jaxdyn.scene import Scene
 
-_NAMED = 5  # most undecided boxes that are named in words
+_NAMED = 5  # largest number of boxes that the text lists
 
 
 def prove(scene: Scene, t: float, box: Box) -> EquilibriaProof:

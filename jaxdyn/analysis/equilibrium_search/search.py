@@ -1,9 +1,9 @@
 """A search for zeros of a rate in a box, from many starts at once.
 
 It makes Levenberg-Marquardt iterations in units of the box, and of the usual change of each rate
-over it, and ends them with steps of Newton's method. An end counts as a zero only if the last of
-these is short and the rate there is small against its change over the box: a constant rate has no
-zero, however small it is.
+over it, and ends them with steps of Newton's method. An end counts as a zero only if the last
+Newton step is short and the rate is small compared with its change over the box: a constant rate
+has no zero, however small it is.
 """
 
 from typing import NamedTuple
@@ -17,15 +17,16 @@ from jaxtyping import Array
 from jaxdyn.scene import Field
 
 _ITERATIONS = 80
-_DAMPING = 1e-3  # first damping of an iteration, relative to the largest entry of J^T J
+_DAMPING = 1e-3  # initial damping, relative to the largest entry of J^T J
 _LESS, _MORE = 0.2, 5.0  # factors of the damping after a successful step, and after a failed one
-#: Steps of Newton's method that follow, and their largest length, as a part of the box.
+#: Number of the Newton steps that follow, and their largest length as a part of the box.
 _NEWTON_STEPS, _LONGEST = 20, 0.25
-_CONVERGED = 1e-10  # part of the box: the last Newton step; likewise the rate over its change
+#: Largest last Newton step, as a part of the box; largest rate, as a part of its change over it.
+_CONVERGED = 1e-10
 #: Smallest singular value of the Jacobian of an isolated zero, relative to its usual size.
 _MIN_SINGULAR_VALUE = 1e-9
 _FAR, _NEAR = 1e-4, 1e-6  # parts of the box: distances at which rates are compared to see a jump
-_MAX_RATIO_NEAR_ZERO = 0.5
+_MAX_RATIO_NEAR_ZERO = 0.5  # of the rate near a zero to that far from it; it is larger at a jump
 
 
 class Box(NamedTuple):
@@ -69,7 +70,7 @@ class SearchEnds(NamedTuple):
       rates: (s,) largest entry of the rate.
       passed: (s,) whether it is a zero that satisfies the constraints.
       flat: (s,) whether the Jacobian is singular there.
-      along: (s, k) the direction in which the Jacobian is least.
+      along: (s, k) the right singular vector of the Jacobian's least singular value.
     """
 
     ys: np.ndarray
@@ -88,16 +89,16 @@ def search(field: Field, t: Array, box: Box, ys: np.ndarray) -> SearchEnds:
 
 @eqx.filter_jit
 def _search(field: Field, t: Array, axes: Array, ys: Array) -> tuple[Array, ...]:
-    def lacking(y, units=1.0):
-        """The residual: the rate, and the distance to the constraints, in units."""
+    def residual(y, units=1.0):
+        """The rate, and the distance to the constraints, in units."""
         return jnp.concatenate([field.rate(t, y), field.project(t, y) - y]) / units
 
-    def seen(y, units=1.0):
+    def linearized(y, units=1.0):
         n = axes.shape[1]
-        by_axes = jax.jacfwd(lambda x: lacking(y + axes @ x, units))(jnp.zeros(n))
-        return lacking(y, units), by_axes
+        by_axes = jax.jacfwd(lambda x: residual(y + axes @ x, units))(jnp.zeros(n))
+        return residual(y, units), by_axes
 
-    rows = jax.vmap(lambda y: jnp.sum(jnp.abs(seen(y)[1]), axis=1))(ys)
+    rows = jax.vmap(lambda y: jnp.sum(jnp.abs(linearized(y)[1]), axis=1))(ys)
     usual = jnp.nanmedian(jnp.where(jnp.isfinite(rows), rows, jnp.nan), axis=0)
     usual = jnp.where(
         usual > 0, usual, jnp.nanmax(jnp.where(jnp.isfinite(rows), rows, 0.0), axis=0)
@@ -106,11 +107,11 @@ def _search(field: Field, t: Array, axes: Array, ys: Array) -> tuple[Array, ...]
 
     def improve(_, carry):
         y, damping = carry
-        f, a = seen(y, usual)
+        f, a = linearized(y, usual)
         gram = a.T @ a
         weight = damping * (jnp.max(jnp.abs(gram)) + jnp.finfo(float).tiny)
         new = y - axes @ jnp.linalg.solve(gram + weight * jnp.eye(len(gram)), a.T @ f)
-        better = jnp.sum(lacking(new, usual) ** 2) < jnp.sum(f * f)  # False for NaN
+        better = jnp.sum(residual(new, usual) ** 2) < jnp.sum(f * f)  # False for NaN
         return jnp.where(better, new, y), damping * jnp.where(better, _LESS, _MORE)
 
     def go_on(carry):
@@ -119,7 +120,7 @@ def _search(field: Field, t: Array, axes: Array, ys: Array) -> tuple[Array, ...]
 
     def advance(carry):
         y, *_, steps = carry
-        f, a = seen(y)
+        f, a = linearized(y)
         step, rows = _shortest_step(f, a)
         size = jnp.linalg.norm(step)
         y = y - axes @ (step * jnp.minimum(1.0, _LONGEST / jnp.maximum(size, _LONGEST)))
@@ -127,14 +128,14 @@ def _search(field: Field, t: Array, axes: Array, ys: Array) -> tuple[Array, ...]
 
     def end(y):
         y, _ = jax.lax.fori_loop(0, _ITERATIONS, improve, (y, jnp.asarray(_DAMPING)))
-        # In a curved valley, such as that of a ring of which a weak force leaves four points, each
-        # step that lessens the residual is short. Newton's steps leave the valley, and return.
+        # In a curved valley, such as a ring of equilibria of which a weak force leaves four, steps
+        # that must lower the residual are short. Newton steps may leave the valley and return.
         none = jnp.zeros((len(usual), axes.shape[1])), jnp.zeros(len(usual))
         first = (y, jnp.asarray(jnp.inf), *none, 0)
         new, size, a, rows, _ = jax.lax.while_loop(go_on, advance, first)
-        better = jnp.sum(lacking(new, usual) ** 2) <= jnp.sum(lacking(y, usual) ** 2)
+        better = jnp.sum(residual(new, usual) ** 2) <= jnp.sum(residual(y, usual) ** 2)
         y = jnp.where(better, new, y)
-        left = jnp.abs(lacking(y))
+        left = jnp.abs(residual(y))
         passed = (size <= _CONVERGED) & jnp.all(left <= _CONVERGED * rows)
         _, s, vt = jnp.linalg.svd(a / usual[:, None], full_matrices=False)
         flat = s[-1] <= _MIN_SINGULAR_VALUE * jnp.maximum(s[0], 1.0)
@@ -144,10 +145,11 @@ def _search(field: Field, t: Array, axes: Array, ys: Array) -> tuple[Array, ...]
 
 
 def _shortest_step(f: Array, a: Array) -> tuple[Array, Array]:
-    """The step (n,) of Newton's method of least norm, and the change of each residual over the box.
+    """The Newton step (n,) of least norm, and the change of each residual over the box.
 
-    The normal equations square the condition number, this does not. On a curve of equilibria the
-    matrix is singular. Each row is in units of its change over the box.
+    It is computed from singular values, since the normal equations would square the condition
+    number, and the matrix is singular on a curve of equilibria. Each row is in units of its change
+    over the box.
     """
     rows = jnp.sum(jnp.abs(a), axis=1)
     units = jnp.where(rows > 0, rows, 1.0)
@@ -158,12 +160,14 @@ def _shortest_step(f: Array, a: Array) -> tuple[Array, Array]:
 
 
 def jumps(field: Field, t: Array, box: Box, ys: np.ndarray) -> np.ndarray:
-    """(s,) at which zeros (s, k) the rate is discontinuous, as where a spring has no length."""
+    """(s,) whether the rate jumps at each of the zeros (s, k), as where a spring has length 0."""
     n = len(box.free)
-    ways = np.concatenate([np.eye(n), -np.eye(n), np.ones((1, n)), -np.ones((1, n))]) @ box.axes.T
+    directions = (
+        np.concatenate([np.eye(n), -np.eye(n), np.ones((1, n)), -np.ones((1, n))]) @ box.axes.T
+    )
     far, near = (
-        np.abs(rates(field, t, (ys[:, None] + part * ways).reshape(-1, ys.shape[1])))
-        .reshape(len(ys), len(ways), ys.shape[1])
+        np.abs(rates(field, t, (ys[:, None] + part * directions).reshape(-1, ys.shape[1])))
+        .reshape(len(ys), len(directions), ys.shape[1])
         .max(axis=1, initial=0.0)
         for part in (_FAR, _NEAR)
     )
