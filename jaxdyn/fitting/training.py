@@ -61,28 +61,39 @@ class Training(Ended):
     """The result of `train`.
 
     Attributes:
-      params: the parameters with the smallest loss, in the structure of the guess.
+      params: the parameters with the smallest loss, or validation loss if there is one, in the
+        structure of the guess.
       scene: the scene with these parameters, which starts at the first complete row of the data.
       losses: (steps + 1,) mean squared misfit, relative to the spread of each column, from that of
         the guess on; NaN for steps that were not taken.
+      validation_losses: (steps + 1,) those of the data held out for validation, relative to the same
+        spread; None without such data.
       outcome: how it ended.
     """
 
     params: Any
     scene: Scene
     losses: np.ndarray
+    validation_losses: np.ndarray | None
     outcome: TrainingStatus
 
     @_text.never_raising
     def __repr__(self) -> str:
         rows = [
             ("status", self.outcome.name),
-            ("loss", f"{self.losses[0]:.4g} before, {np.nanmin(self.losses):.4g} after"),
+            ("loss", _before_and_after(self.losses)),
             ("steps", f"{np.isfinite(self.losses).sum() - 1}"),
         ]
+        if self.validation_losses is not None:
+            rows.insert(2, ("validation loss", _before_and_after(self.validation_losses)))
         return _text.table(f"Training of {self.scene.name}", rows)
 
     _repr_html_ = _text.html
+
+
+def _before_and_after(losses: np.ndarray) -> str:
+    best = int(np.nanargmin(losses))
+    return f"{losses[0]:.4g} before, {losses[best]:.4g} after {best} steps"
 
 
 def train(
@@ -95,6 +106,7 @@ def train(
     ahead: int = 1,
     columns: Sequence[str] | None = None,
     observe: Mapping[str, Callable] | None = None,
+    validation: Any = None,
     rtol: float = _RTOL,
     solver: Solver | None = None,
     max_steps: int = MAX_STEPS,
@@ -118,6 +130,8 @@ def train(
       ahead: number of measurements that each span predicts.
       columns: the columns that are used; all by default.
       observe: further columns by name, functions (scene, t, y) -> () of a state y.
+      validation: measurements that are not learned from, with the same columns: the parameters that
+        predict these best are returned, instead of those that fit the noise of `data`.
       rtol: relative tolerance of a step.
       solver: see `simulate`.
       max_steps: largest number of steps of a span.
@@ -143,13 +157,20 @@ def train(
         raise _checks.fail("optimiser", "one of Optax", type(optimiser).__name__, remedy)
     options = {"rtol": rtol, "solver": solver, "max_steps": max_steps, "adjoint": True}
     model, theta, scene, table, _ = pose(make, guess, data, columns, observe, options)
-    spans = _spans(model, scene, table, ahead)
+    spread = np.nanstd(table.values, axis=0)
+    spread = np.where(spread > 0, spread, 1.0)
+    spans, held_out = _spans("data", model, scene, table, ahead, spread), None
+    if validation is not None:
+        other = pose(make, guess, validation, table.names, observe, options)
+        held_out = _spans("validation", model, scene, other.table, ahead, spread)
     optimiser = optax.adam(_RATE) if optimiser is None else optimiser
-    best, losses, lost = _descend(model, spans, theta, _units(model, theta), optimiser, steps)
+    units = _units(model, theta)
+    best, losses, held_out_losses, lost = _descend(model, spans, held_out, theta, units, optimiser, steps)
     params = model.as_given(best)
     start = model.scene(best).starting(spans.starts[0])
     outcome = TrainingStatus.NO_MOTION if bool(lost) else TrainingStatus.DONE
-    return Training(params, start, np.asarray(losses), outcome)
+    judged = None if held_out is None else np.asarray(held_out_losses)
+    return Training(params, start, np.asarray(losses), judged, outcome)
 
 
 def _units(model: Model, theta: Array) -> Array:
@@ -158,15 +179,20 @@ def _units(model: Model, theta: Array) -> Array:
     return jnp.where(single & (theta != 0), jnp.abs(theta), 1.0)
 
 
-def _spans(model: Model, scene: Scene, table: Measured, ahead: int) -> Spans:
-    """The spans from all complete rows that enough rows follow."""
+def _spans(
+    name: str, model: Model, scene: Scene, table: Measured, ahead: int, spread: np.ndarray
+) -> Spans:
+    """The spans from all complete rows that enough rows follow, of data that an argument names.
+
+    Misfits are relative to the spread (c,) of the columns.
+    """
     of_entry = {column.entry: j for j, column in enumerate(model.columns)}
     names = [name for name, _ in scene.labels()]
     missing = [name for i, name in enumerate(names) if i not in of_entry]
     if missing:
         wanted, got = "a column for each entry of the state", f"none for {', '.join(missing)}"
         remedy = "Spans begin at measured states; jaxdyn.fit estimates what was not measured."
-        raise _checks.fail("data", wanted, got, remedy)
+        raise _checks.fail(name, wanted, got, remedy)
     entries = [of_entry[i] for i in range(len(names))]
     known = np.isfinite(table.values)
     first = np.flatnonzero(known[:, entries].all(axis=1))
@@ -175,9 +201,8 @@ def _spans(model: Model, scene: Scene, table: Measured, ahead: int) -> Spans:
     there = known[after]
     if not there.any():
         wanted = f"a complete row with {ahead} more after it"
-        raise _checks.fail("data", wanted, f"{len(table.ts)} rows without one", "Lower ahead=.")
-    spread = np.nanstd(table.values, axis=0)
-    weights = there / np.where(spread > 0, spread, 1.0) ** 2
+        raise _checks.fail(name, wanted, f"{len(table.ts)} rows without one", "Lower ahead=.")
+    weights = there / spread**2
     return Spans(
         starts=jnp.asarray(table.values[first][:, entries]),
         begin=jnp.asarray(table.ts[first]),
@@ -191,14 +216,19 @@ def _spans(model: Model, scene: Scene, table: Measured, ahead: int) -> Spans:
 def _descend(
     model: Model,
     spans: Spans,
+    held_out: Spans | None,
     theta: Array,
     units: Array,
     optimiser: optax.GradientTransformation,
     steps: int,
-) -> tuple[Array, Array, Array]:
-    """The best parameters, all losses (steps + 1,), and whether one was not finite."""
+) -> tuple[Array, Array, Array, Array]:
+    """The best parameters, two rows (steps + 1,) of losses, and whether one was not finite.
 
-    def loss(scaled: Array) -> Array:
+    The second row has the losses of the spans held out for validation, by which the parameters are
+    chosen; without such spans it is the first.
+    """
+
+    def loss(scaled: Array, spans: Spans) -> Array:
         theta = units * scaled
 
         def of_span(start, begin, ts, values, weights):
@@ -209,18 +239,20 @@ def _descend(
 
     def step(carry, _):
         scaled, state, best, least, lost = carry
-        value, slope = jax.value_and_grad(loss)(scaled)
+        value, slope = jax.value_and_grad(loss)(scaled, spans)
+        judged = value if held_out is None else loss(scaled, held_out)
         lost = lost | ~(jnp.isfinite(value) & jnp.isfinite(slope).all())
-        better = value < least
+        better = judged < least
         best = jnp.where(better, scaled, best)
         with jax.numpy_dtype_promotion("standard"):  # Optax mixes floats and whole numbers
             change, new = optimiser.update(slope, state, scaled)
-        kept = jax.tree.map(
+        following = jax.tree.map(
             lambda old, new: jnp.where(lost, old, new), (scaled, state), (scaled + change, new)
         )
-        return (*kept, best, jnp.where(better, value, least), lost), jnp.where(lost, jnp.nan, value)
+        losses = jnp.where(lost, jnp.nan, jnp.stack([value, judged]))
+        return (*following, best, jnp.where(better, judged, least), lost), losses
 
     start = theta / units
     first = (start, optimiser.init(start), start, jnp.asarray(jnp.inf), jnp.asarray(False))
     (_, _, best, _, lost), losses = lax.scan(step, first, None, length=steps + 1)
-    return units * best, losses, lost
+    return units * best, losses[:, 0], losses[:, 1], lost

@@ -138,3 +138,27 @@ def test_every_entry_of_the_state_is_measured():
     data = {"t": TS, "theta": np.sin(TS)}
     said = refusal(lambda: jaxdyn.train(scenes.pendulum, {"g": 9.0}, data))
     assert re.search("each entry of the state, got none for theta_dot.*jaxdyn.fit", said)
+
+
+def _decay(k):
+    return jaxdyn.ode(lambda t, y, k: [-k * y[0]], [1.0], 1.0, names=["x"], params=k)
+
+
+def test_the_parameters_are_those_that_predict_the_held_out_data_best():
+    ts = np.linspace(0.0, 2.0, 21)
+    data, other = ({"t": ts, "x": 2.0 * np.exp(-k * ts)} for k in (1.0, 0.8))
+    found = jaxdyn.train(_decay, 0.5, data, steps=300, validation=other, rtol=1e-9)
+    assert abs(float(found.params) - 0.8) < 0.003  # between two steps of the optimiser
+    assert np.argmin(found.losses) > np.argmin(found.validation_losses)
+    # By hand: the first guess predicts each measurement from the last one.
+    misfit = other["x"][:-1] * np.exp(-0.5 * 0.1) - other["x"][1:]
+    wanted = np.mean((misfit / np.std(data["x"])) ** 2)
+    assert gap(found.validation_losses[0], wanted) < 1e-8 * wanted
+    assert "validation loss" in repr(found)
+
+
+def test_held_out_data_are_checked_by_their_name():
+    data = {"t": np.arange(5.0), "x": np.exp(-np.arange(5.0))}
+    short = {"t": np.arange(1.0), "x": np.ones(1)}
+    with pytest.raises(ValueError, match="validation: expected a complete row with 1 more after"):
+        jaxdyn.train(_decay, 0.5, data, validation=short)
