@@ -421,7 +421,7 @@ class Scene(Record):
 
     @property
     def base_units(self) -> tuple[str, str, str] | None:
-        """Names of the units of length, mass and time; None where there are none, or not known.
+        """Names of the units of length, mass and time; None if there are none or they are unknown.
 
         The mass is "" where energies are per mass.
         """

@@ -304,7 +304,7 @@ def _estimate(
 def solve_to_digits(
     run: Run, scene: Scene, ts: Array, digits: float, solver: str, refuse: bool
 ) -> tuple[Any, Estimate]:
-    """The solution with this many digits at all times, or the best, and its estimate.
+    """The solution with this many digits at all times, or the best one, and its estimate.
 
     The tolerance starts at the requested error and is tightened by the estimated miss.
 

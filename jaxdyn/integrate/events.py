@@ -211,13 +211,13 @@ def until(
     does not count as an event. If the value turns back, its return counts, however soon: at t0,
     if it takes less than the spacing of floating-point times. If the slope is within rounding of
     zero as well, the motion is leaving if the value changes its sign there, as y^3 does. If the
-    value does not, the event happens at t0 if it then goes in the wanted direction; if both
-    directions are wanted, it does not happen.
+    value keeps its sign, the event happens at t0 if the value then goes in the wanted direction; if
+    both directions are wanted, it does not happen.
 
-    A value that reaches zero and is held there, as the velocity of a block by friction, has crossed
-    it when it arrives. If it goes on to the other side later, nothing happens; if it returns, that
-    is a crossing back, when it is let go. So directions alternate, and what happens does not depend
-    on what follows. A motion that starts held has left the event, to whichever side it goes.
+    A value that reaches zero and is held there, as friction holds the velocity of a block, crosses
+    zero when it arrives. If it later goes on to the other side, no event happens; if it returns, it
+    crosses back when it is released. So directions alternate, and whether an event happens does not
+    depend on what follows. A motion that starts held has left the event, to whichever side it goes.
 
     Args:
       scene: system, effects, start.

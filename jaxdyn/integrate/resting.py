@@ -52,7 +52,7 @@ class Resting(eqx.Module):
 
     @property
     def direction(self) -> int:
-        """That of the event."""
+        """The direction of the event."""
         return self.event.direction
 
     def value(self, t: Array, y: Array) -> Array:

@@ -55,7 +55,7 @@ class Motion:
         Args:
           path: path of the .npz file.
         Raises:
-          ValueError: `path` cannot be written, or the method of fixed step is none of
+          ValueError: `path` cannot be written, or the method of fixed step is not one of
             `jaxdyn.solvers`.
         """
         from jaxdyn.files import motion_files

@@ -1,4 +1,4 @@
-"""What is true of a kind of scene, read once from the program of its rate.
+"""Properties of a kind of scene, read once from the program of its rate.
 
 `plan` says how the rate depends on time and which conditions it contains. `evaluation` runs its
 program with the outcomes of these conditions given; `branch` has a field that is evaluated in this

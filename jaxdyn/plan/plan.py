@@ -1,4 +1,4 @@
-"""What is true of a kind of scene, found once: its conditions, and how its rate depends on time.
+"""Properties of a kind of scene, found once: its conditions, and how its rate depends on time.
 
 A `Plan` is read from the program of a rate (by a `BranchEvaluation`), not from values at a few
 points. It is the same for all scenes of a kind, whatever their numbers, and is kept with the kind.

@@ -155,7 +155,7 @@ class TimeDependence(eqx.Module):
 
     @classmethod
     def of(cls, events: tuple, k: int) -> "TimeDependence | None":
-        """That of events of a state (k,); None if nothing can be hidden, or conditions decide."""
+        """That of some events of a state (k,); None if they hide nothing, or have conditions."""
         plan = plan_of(_Values(events), k, waves=True)
         return cls(events, plan) if plan.hides and not plan.size else None
 
