@@ -193,12 +193,12 @@ class Samples(eqx.Module):
 
     @classmethod
     def empty(cls, ts: Array, t0: Array, y0: Array) -> "Samples":
-        """The samples before the run: those at the start are known, those before it are over."""
+        """The samples before the run: those at the start are known, earlier times are passed."""
         rows = (ts == t0).reshape(-1, *[1] * y0.ndim)
         return cls(jnp.sum(ts <= t0), jnp.where(rows, y0[None], jnp.nan), t0)
 
     def take(self, ts: Array, t: Array, y: Array) -> "Samples":
-        """The samples with the state at t. Earlier times not yet reached were out of order: NaN."""
+        """The samples with the state at t; earlier times, which were out of order, get NaN."""
 
         def reached(samples: Samples) -> Array:
             return (samples.next < len(ts)) & (samples._time(ts) <= t)
@@ -242,7 +242,7 @@ class Watch(Record):
     def towards(self, direction: Array) -> "Watch":
         """The same for a run in this direction of time: `see` gets direction * t.
 
-        By default it is the value of the watch's field ``direction``.
+        By default this sets the watch's field ``direction``.
         """
         return dataclasses.replace(self, direction=direction)
 
