@@ -288,7 +288,7 @@ _LONGEST = 60  # characters of a value in a message
 _BY_POSITION = "Arguments are passed by position: lambda x: function(name=x) passes one by name."
 F = TypeVar("F", bound=Callable)
 
-#: What a matrix may be in place of a scene.
+#: The kinds of matrices that may be given in place of a scene.
 _MATRICES = [(kind, "Scene") for kind in ("ndarray", "ArrayImpl", "list", "matrix")]
 
 #: What to do with what was given instead, by the names of both kinds.

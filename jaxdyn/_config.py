@@ -144,8 +144,8 @@ def configure(
 
 
 def _backend_is_up() -> bool:
-    # A private name: no public function says whether a device is in use. Where it is gone,
-    # settings are made as at a start; only the warning that it is too late is lost.
+    # A private name: no public function says whether a device is in use. If it is removed from JAX,
+    # settings are made as if none were; only the warning that it is too late is lost.
     try:
         from jax._src import xla_bridge
 

@@ -1,4 +1,4 @@
-"""The front door of a package: names that have moved or changed, and folders it does not list.
+"""The attributes of a package: names that have moved or changed, and folders it does not list.
 
 A name that has moved keeps its old place for one minor version, where it warns, and so does the old
 name of anything that was renamed. Folders that few need, such as the gallery, are reached as
@@ -64,8 +64,8 @@ def attribute_getter(
 def renamed(**names: str) -> Callable[[_Class], _Class]:
     """A class decorator that keeps old names of attributes and methods: using them warns.
 
-    A record is also made with fields by their old names. Where a subclass overrides a method by its
-    old name, it is that of the new one.
+    A record also accepts its fields by their old names. A subclass that overrides a method by its
+    old name overrides that of the new one.
 
     Args:
       names: the new name of each of them by its old one.

@@ -1,7 +1,7 @@
 """Results as tables of pandas and as data sets of xarray, which are optional.
 
-A result says what its numbers are called, along which axes they lie and in which units they are:
-`Labelled`. Each of the two libraries makes its own structure from that.
+A result gives the names, axes and units of its numbers as a `Labelled`, from which each of the two
+libraries makes its own structure.
 """
 
 import importlib

@@ -42,7 +42,7 @@ def smooth(function: Callable) -> Callable:
 
 
 def is_smooth(name: str) -> bool:
-    """Whether the function of this name in a program is one of `smooth`, or alike in JAX."""
+    """Whether a function of this name in a program is one of `smooth`, or such a one of JAX."""
     return name.startswith(_SMOOTH) or name in _SMOOTH_OF_JAX
 
 
@@ -233,8 +233,8 @@ def materialize(x: Array, one: Array) -> Array:
     return x / one
 
 
-#: Operations of a program beyond which it is left in many functions. XLA takes longer than
-#: proportionally to compile a single one (CPU, JAX 0.10, one search for events and a run of it):
+#: Number of operations of a program beyond which it is left in many functions. XLA's compile time
+#: for a single one grows faster than its length (CPU, JAX 0.10; a search for events and its run):
 #:
 #:   operations   compile in one, as it is   run in one, as it is
 #:     11,100          7.6 s,  7.2 s           .38 ms,  .52 ms   (top)

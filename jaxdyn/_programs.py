@@ -2,8 +2,8 @@
 
 The parameters of JAX's operations are not a public interface, and they change: `scan` describes its
 operands by their numbers up to JAX 0.10, and by trees from 0.11 on; called programs have been open
-or closed, under several names. Whatever interprets a program asks here, so that only this file has
-to follow a new version; an operation that it does not know is left as it is.
+or closed, under several names. Whatever interprets a program uses this file, so that only this
+has to follow a new version; an operation that it does not know is left as it is.
 """
 
 import functools
@@ -107,7 +107,7 @@ def interpret(
 def live_operations(jaxpr: Any, effects: bool = True) -> list[Any]:
     """The operations of a program on which its results depend, and those with `effects`, in order.
 
-    JAX traces what is computed and thrown away as well; only the compiler leaves it out.
+    JAX traces computations whose results are not used as well; only the compiler drops them.
     """
     wanted = {id(x) for x in jaxpr.outvars}
     found = []

@@ -33,13 +33,13 @@ from jaxdyn._checks import check_callable
 from jaxdyn._doors import with_present_names
 from jaxdyn._text import fail
 
-# ---- What has been found out about a scene, and need not be found again
+# ---- What has been found out about a scene and need not be found again
 
 T = TypeVar("T")
 
 
 class ByIdentity(Generic[T]):
-    """What is known of objects that cannot change, as long as they exist.
+    """Results about objects that cannot change, kept as long as these exist.
 
     A `weakref.WeakKeyDictionary` would compare and hash them, and arrays can do neither.
     """
@@ -260,7 +260,7 @@ _FIXED = (
 )
 #: The contents of records whose parts cannot be exchanged.
 _held_for_good: ByIdentity[tuple[tuple[Callable, ...], list[Any]]] = ByIdentity()
-#: Number of functions whose captured values are kept at hand; beyond it all are read anew.
+#: Largest number of functions whose captured values are cached; beyond it the cache is emptied.
 _MOST_KEPT = 4096
 
 
@@ -273,7 +273,7 @@ def captures_of_record(record: eqx.Module) -> Captured | None:
 
 
 def check_captured(record: Any) -> None:
-    """Raise ValueError if a number that a record or its parts captured is not what it was then."""
+    """Raise ValueError if a number that a record or its parts captured has changed since then."""
     if record.captured is None:
         return
     # The contents are not kept in the record: Equinox takes what is in its __dict__ beside the
@@ -305,25 +305,25 @@ def _kept_walk(record: Any) -> tuple[tuple[Callable, ...], list[Any]]:
 def _walk(record: Any) -> tuple[tuple[Callable, ...], list[Any], bool]:
     """The user's functions in a record, including its methods, and the records in it.
 
-    The last result says whether these are fixed: a list or a dictionary may get other ones.
+    The last result says whether these are fixed: a list or a dictionary may get others.
     """
     functions, records, for_good = _methods(type(record)), [], True
     waiting = [record.__dict__.values()]
     while waiting:
         for x in waiting.pop():
-            way = _kind_of_content(type(x))
-            if way is None:
+            kind = _kind_of_content(type(x))
+            if kind is None:
                 continue
-            if way == "record":
+            if kind == "record":
                 records.append(x)
-            elif way == "function":
+            elif kind == "function":
                 functions += _functions_of_user(x)
-            elif way == "module":
+            elif kind == "module":
                 functions += _methods(type(x))
                 waiting.append(x.__dict__.values())
             else:
                 for_good = for_good and isinstance(x, tuple)
-                waiting.append(x.values() if way == "dictionary" else x)
+                waiting.append(x.values() if kind == "dictionary" else x)
     return functions, records, for_good
 
 
@@ -424,11 +424,13 @@ class Remembered(NamedTuple):
 
 
 def with_captures(make: Callable, *arguments: str) -> Remembered:
-    """A function that makes scenes, with what it captures now; of these arguments if any are named.
+    """A function that makes scenes, with what it captures now.
+
+    If arguments are named, it must accept these, by position.
 
     Raises:
-      ValueError: the function takes others, or has been given so before, and what it captured has
-        changed since.
+      ValueError: the function takes other arguments, or was `Remembered` before and what it
+        captured has changed since.
     """
     if arguments:
         check_callable("make", make, *arguments)

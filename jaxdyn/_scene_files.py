@@ -89,7 +89,7 @@ def place(name: str) -> Place:
     A file without a function's name must have one public function that needs no arguments.
 
     Raises:
-      ValueError: there is no such file or function, the file is no Python, or the function needs
+      ValueError: there is no such file or function, the file is not Python, or the function needs
         arguments.
     """
     parts = _NAME.fullmatch(name)
@@ -127,7 +127,7 @@ def _check_is_function(name: str, functions: Collection[str], body: list[ast.stm
 
 
 def _only(functions: dict[str, ast.FunctionDef], defined: list[str], path: Path) -> str:
-    """The one function that makes a scene: by its annotation, or since no other needs nothing.
+    """The one function that makes a scene: by its annotation, or as the only one without arguments.
 
     A lambda counts if no function is `defined` by ``def``: it may be a helper.
     """
@@ -206,9 +206,9 @@ def _module(path: Path, changed: int) -> Any:
 
 @contextlib.contextmanager
 def locate_errors() -> Iterator[None]:
-    """Context in which what a line of such a file raises becomes an error that names the line.
+    """Context in which an exception from a line of such a file becomes an error naming the line.
 
-    An exception raised by this library, called by such a line or not, stays as it is.
+    An exception raised by this library, whether called by such a line or not, stays as it is.
 
     Raises:
       ValueError: a line of the file raised an exception, in itself or in a package that it uses.

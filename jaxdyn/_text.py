@@ -223,7 +223,7 @@ def rad_per_second(labels: Sequence[tuple[str, str]]) -> str:
 
 
 def frequency_scale(time: str, *, hertz: bool) -> tuple[float, str]:
-    """What an angular frequency is multiplied by to be shown, and the unit that it then has.
+    """The factor by which an angular frequency is multiplied to be shown, and its unit then.
 
     Args:
       time: the unit of time; "" without one.
@@ -283,6 +283,7 @@ def record(x: Any, named: Callable[[str], str] = str) -> str:
 
 
 def part(x: Any, unit: str, named: Callable[[str], str] = str) -> str:
+    """The text of a field: a module as by `record`, collections by their entries, else numbers."""
     if dataclasses.is_dataclass(x):
         return record(x, named)
     if isinstance(x, tuple) and hasattr(x, "_fields"):
@@ -455,8 +456,8 @@ def with_null(value: Any) -> Any:
 
 # ---- Tables as HTML, in notebooks, with a small picture where there is one to draw
 #
-# Whatever happens, a notebook shows something: without a picture the table alone, and text that is
-# no table as it is. Colours are those of the notebook, light or dark.
+# Whatever happens, a notebook shows something: the table alone if there is no picture, and other
+# text unchanged. Colours are those of the notebook, light or dark.
 
 T = TypeVar("T")
 

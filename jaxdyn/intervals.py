@@ -1,11 +1,11 @@
-"""Interval arithmetic: bounds of numbers, from the bounds of those they are calculated from.
+"""Interval arithmetic: bounds of results, from the bounds of the operands.
 
-There are two of it, with the same rules. `RIGOROUS`, on the host in NumPy, widens each result by
-its rounding, so that bounds hold for real numbers; only underflow is left out. `COMPILED`, within
-programs of JAX, leaves rounding out: its bounds decide where steps end, not what is proved.
+There are two instances, with the same rules. `RIGOROUS`, on the host in NumPy, widens each result
+by its rounding, so that bounds hold for real numbers; only underflow is left out. `COMPILED`,
+within programs of JAX, leaves rounding out: its bounds decide where steps end, not what is proved.
 
-An infinite bound encloses finite numbers only, so 0 times it is 0. A division by an interval that
-contains 0 within gives the whole line, and so does any unknown result, such as infinity minus
+An infinite bound encloses finite numbers only, so 0 times it is 0. Division by an interval with 0
+in its interior gives the whole line, and so does any unknown result, such as infinity minus
 infinity. Bounds may be wide, since correlations are ignored: x - x over [0, 1] is [-1, 1]. They
 shrink in proportion to the intervals.
 
@@ -80,7 +80,7 @@ class Arithmetic:
         return self.widen(*(factor * x for x in ends))
 
     def inverse(self, a: Interval) -> Interval:
-        """Bounds of 1 / a: one of them where 0 is an end, as for a distance; none around 0."""
+        """Bounds of 1 / a: one where 0 is an end of a, as for a distance; none if 0 is inside."""
         xp = self.xp
         low, high = (1 / xp.where(x == 0, 1.0, x) for x in (a.high, a.low))
         has_low = ((a.low >= 0) & (a.high > 0)) | (a.high < 0)
@@ -151,7 +151,7 @@ class Arithmetic:
         return Interval(xp.where(unknown, -math.inf, low), xp.where(unknown, math.inf, high))
 
     def _half_turns(self, a: Interval, shift: float) -> Interval:
-        """a / pi - shift, whose widening may only add a multiple of pi to the interval."""
+        """a / pi - shift, widened; this may only add a multiple of pi to the interval."""
         low, high = (x / math.pi - shift for x in a)
         first, last = self.widen(low, high, 8 * FUNCTION_ROUNDING)
         slack = FUNCTION_ROUNDING if self.rounds else 0.0

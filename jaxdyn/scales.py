@@ -44,49 +44,51 @@ _SETTLED = 1 / 16
 #: Least number of rounds that carry sizes from entry to entry; more follow as long as they reach
 #: further entries.
 _REACH = 2
-#: Second time at which the rate is evaluated, in times of the motion after the start: not half of
-#: one, where a force that is zero at the start may be zero again.
+#: Second time at which the rate is evaluated, after the start and in units of the time of the
+#: motion: not 1/2, where a force that is zero at the start may be zero again.
 LATER = 0.37
 #: Distance from the start at which it is evaluated, as a part of the sizes: a coupling that
 #: vanishes at the start, as in a product of two entries at zero, does not vanish there.
 ASIDE = 1 / 16
-#: Time over which the change of a rate is seen, as a part of the horizon.
+#: Time over which the change of a rate is measured, as a part of the horizon.
 _AHEAD = 2.0**-20
 #: The horizon is the span or, if that is shorter, this multiple of the time in which the slowest
 #: entry changes by its size: a span may be a mere limit, as in a search for an event.
 _HORIZON = 2.0**10
-#: Number of roundings by which a state is shifted to see what rounding makes of its rate, and parts
-#: of them that show more: rounding is random.
+#: Number of roundings by which a state is shifted to measure their effect on its rate, and parts of
+#: that shift, which show more of the effect since rounding is random.
 PERTURBED, PARTS = 4.0, np.array([0.0, 1.0, 0.6, 0.2, -0.2, -0.6, -1.0])
 #: Where the rate exceeds this multiple of the motion's own, as near a singularity, its rounding
 #: says nothing about the motion.
 _FASTER = 16.0
-#: Least part of a rate that is rounding where the rate is little else.
+#: A rate is little else than rounding where the effect of rounding exceeds this part of it.
 ALL_ROUNDING = 2.0**-16
-#: What rounding makes of any rate, in roundings of it. At the tightest tolerances it may be less.
+#: The usual effect of rounding on a rate, in roundings of it. At the tightest tolerances it may be
+#: less.
 _USUAL = 2.0**12
 #: Likewise for an entry with a size of its own, which may be small beside what its rate is made of,
 #: as a high mode that is computed from all others: their rounding is no part of its motion.
 USUAL_ALONE = 2.0**3
-#: Number of rounds that measure the effect of rounding on a rate. It is random: one that sees
-#: little of it may be followed by others that see a thousand times as much. Where so many have seen
-#: it, this part of the usual margin is enough.
-_NOISE_LOOKS, MARGIN = 8, 1 / 8
+#: Number of rounds that measure the effect of rounding on a rate. It is random: one may show little
+#: of it, and others after it a thousand times as much. With so many rounds, this part of the usual
+#: margin is enough.
+_NOISE_ROUNDS, MARGIN = 8, 1 / 8
 #: Multiple of that noise above which a rate is more than rounding.
 TIMES_NOISE = 4.0
 #: Logarithm of the largest weight of an entry; the least is 1 over it.
 _LOG_WEIGHT = 0.2
-#: Part of the size that its rate gives to a group, in the time that others show, up to which the
-#: group counts as zero.
+#: A group is near a turning point, and counts as zero, if it is less than this part of the change
+#: that its rate makes in the time of the other groups.
 _TURNING = 2.0**-6
-#: A drive is looked at after the span and its halves, so often; it has begun where it is this part
-#: of its largest value there; the time of what it moves is at most this multiple of that time.
+#: Number of halvings of the span, after each of which a forcing is evaluated; it has begun where it
+#: is this part of the largest of these values; the time of a motion that it starts from rest is at
+#: most this multiple of the time in which it begins.
 _HALVES, _BEGUN, _SLOWER = 48, 0.5, 4.0
-#: The looks of `_by_change_of_rate` that are a little after the start, later, with a rounding added
-#: and displaced by what rounding makes.
+#: Numbers of the evaluations of `_by_change_of_rate` that are a little after the start, later in
+#: the motion, with a rounding added, and displaced by the effect of rounding.
 _SOON, _LATER, _ROUNDED, _BESIDE = (2, 3, 6), (4, 5, 8, 10, 11, 12), (5, 6, 7, 11), (8, 9, 12, 13)
-#: Where rounding makes more than this multiple of what it makes later in the motion, or of one
-#: rounding of the rate there, it is that of a place that the motion leaves at once.
+#: An effect of rounding that exceeds this multiple of that later in the motion, or of one rounding
+#: of the rate there, is that of a place which the motion leaves at once.
 _STAYS = 2.0**10
 
 
@@ -177,8 +179,8 @@ class Scales(NamedTuple):
     Attributes:
       sizes: (k,) the sizes of the entries of its state.
       time: () the time in which it changes.
-      noise: (k,) what a few roundings of the state make of each rate, where that is a notable part
-        of it; None if that is not known.
+      noise: (k,) the change of each rate by a few roundings of the state, where that is a notable
+        part of it; None if it is not known.
     """
 
     sizes: Array
@@ -191,19 +193,20 @@ def at_start(
 ) -> tuple[Scales, Array]:
     """The scales of the motion from (t0, y0) before it is known, and its rate (k,) there.
 
-    Where units say what belongs together, the time is the shortest in which the rate, or its change
-    along the motion, changes a size; a group at zero has the size that it reaches in that time.
+    Where units say which entries belong together, the time is the shortest in which the rate, or
+    its change along the motion, changes an entry by its size; a group at zero has the size that it
+    reaches in that time.
 
     Entries without units have no others to be measured by. With J the Jacobian of the rate f at and
     near the start, the time tau is 1 over the spectral radius of |J|. Sizes are the largest of
     |y0|, tau |f|, at the start and a time later, and tau |J| times the sizes: an entry that is
-    zero, or whose terms cancel, has the size that others give to it.
+    zero, or whose terms cancel, has the size that others give it.
 
     An entry has the size 0 if nothing moves it; the time is at most |t1 - t0|.
 
-    A drive may be zero at the start, as A sin(omega t) is, and then the rate there shows nothing. A
-    motion that begins so, from rest, has the time in which the drive begins to act, or, if that is
-    shorter, the time that |J| gives to what it moves; units are not needed for that.
+    A forcing may be zero at the start, as A sin(omega t) is; then the rate there shows nothing. A
+    motion that begins in this way, from rest, has the time in which the forcing begins to act or,
+    if that is shorter, the time that |J| gives for what it moves; units are not needed for that.
 
     Args:
       field: an object with ``rate(t, y)``.
@@ -216,28 +219,28 @@ def at_start(
     """
     here, span = groups.sizes(lax.abs(y0)), lax.abs(t1 - t0)
     ahead = lax.sign(t1 - t0)
-    drive = _drive(field, t0, y0, span, ahead) if driven else _no_drive(y0, span)
+    forcing = _forcing(field, t0, y0, span, ahead) if driven else _no_forcing(y0, span)
     if not groups.known:
-        return _by_its_derivatives(field, groups, t0, y0, here, drive, ahead)
+        return _by_its_derivatives(field, groups, t0, y0, here, forcing, ahead)
     scales, rate = _by_change_of_rate(field, groups, t0, y0, here, span, ahead)
     if not driven:
         return scales, rate
     alone = Groups(tuple(range(len(y0))), (np.inf,) * len(y0))
 
     def from_rest(scales: Scales) -> Scales:
-        found, _ = _by_its_derivatives(field, alone, t0, y0, lax.abs(y0), drive, ahead)
+        found, _ = _by_its_derivatives(field, alone, t0, y0, lax.abs(y0), forcing, ahead)
         return Scales(groups.sizes(lax.max(found.sizes, here)), found.time, scales.noise)
 
-    return lax.cond(drive.from_rest, from_rest, lambda scales: scales, scales), rate
+    return lax.cond(forcing.from_rest, from_rest, lambda scales: scales, scales), rate
 
 
-class _Drive(NamedTuple):
-    """What moves a motion later in the span where its rate at the start does not.
+class _Forcing(NamedTuple):
+    """What moves a state later in the span where its rate at the start does not.
 
     Attributes:
       most: (k,) the largest rates of entries that have none at the start.
-      span: () the span, or, where everything is at rest, the time in which the drive begins.
-      from_rest: () whether a drive moves a state of which nothing moves at the start.
+      span: () the span or, where everything is at rest, a few times that in which a forcing begins.
+      from_rest: () whether a forcing moves a state of which nothing moves at the start.
     """
 
     most: Array
@@ -245,12 +248,12 @@ class _Drive(NamedTuple):
     from_rest: Array
 
 
-def _no_drive(y0: Array, span: Array) -> _Drive:
-    return _Drive(jnp.zeros_like(y0), span, jnp.zeros((), bool))
+def _no_forcing(y0: Array, span: Array) -> _Forcing:
+    return _Forcing(jnp.zeros_like(y0), span, jnp.zeros((), bool))
 
 
-def _drive(field: Any, t0: Array, y0: Array, span: Array, ahead: Array) -> _Drive:
-    """The drive of a start, from the rates of its state (k,) after the span and its halves."""
+def _forcing(field: Any, t0: Array, y0: Array, span: Array, ahead: Array) -> _Forcing:
+    """The forcing of a start, from the rates of its state (k,) after the span and its halves."""
     after = span * np.append(0.0, 0.5 ** np.arange(_HALVES)).astype(y0.dtype)
     rates = lax.map(lambda time: field.rate(t0 + ahead * time, y0), after)
     still = rates[0] == 0
@@ -259,7 +262,7 @@ def _drive(field: Any, t0: Array, y0: Array, span: Array, ahead: Array) -> _Driv
     begun = ((change > 0) & (change >= _BEGUN * most[None])).any(axis=1)
     begins = jnp.min(jnp.where(begun, after, span))
     from_rest = still.all() & (most > 0).any()
-    return _Drive(most, lax.select(from_rest, lax.min(span, _SLOWER * begins), span), from_rest)
+    return _Forcing(most, lax.select(from_rest, lax.min(span, _SLOWER * begins), span), from_rest)
 
 
 def _by_its_derivatives(
@@ -268,61 +271,61 @@ def _by_its_derivatives(
     t0: Array,
     y0: Array,
     here: Array,
-    drive: _Drive,
+    forcing: _Forcing,
     ahead: Array,
 ) -> tuple[Scales, Array]:
     """The result of `at_start` from the rate and its Jacobian, for a start of sizes `here` (k,)."""
-    plan, rounds, span = jnp.asarray(_PLAN), len(_PLAN), drive.span
+    plan, rounds, span = jnp.asarray(_PLAN), len(_PLAN), forcing.span
     weights, off, zero = weights_of(len(y0)), rounding(y0), jnp.zeros_like(y0)
 
-    def looks(carry):
-        return carry[1] < _NOISE_LOOKS
+    def goes_on(carry):
+        return carry[1] < _NOISE_ROUNDS
 
     def round_(carry):
-        stage, look, u, rate, then, stays, noise, grows = carry
+        stage, probe, u, rate, then, stays, noise, grows = carry
         n, tau, step = stage.n, stage.tau, stage.step
         sizing = (n < rounds) | (grows & (n < rounds + len(y0)))
-        look = lax.select(sizing, look, look + 1)
+        probe = lax.select(sizing, probe, probe + 1)
         row = lax.dynamic_index_in_dim(plan, lax.min(n, rounds - 1), 0, False)
         now = _Round(*(row[i] for i in range(len(row))))
         along = weights * u
         # For the effect of rounding the rate is evaluated twice a little later in the motion, the
         # second time with a rounding added, then at the start with a rounding added, beside the
         # start, and at the start again with other roundings.
-        far = (look == 1) | (look == 2)
-        rounded = ((look == 2) | (look == 3)).astype(float)
-        rounded = lax.select(look > 4, 1.0 - 0.4 * (look - 4).astype(float), rounded)
+        far = (probe == 1) | (probe == 2)
+        rounded = ((probe == 2) | (probe == 3)).astype(float)
+        rounded = lax.select(probe > 4, 1.0 - 0.4 * (probe - 4).astype(float), rounded)
         t = t0 + lax.select(sizing, now.later, LATER * far.astype(float)) * tau * ahead
-        t = t + _time_rounding(t0, (look == 2).astype(float))
-        way = LATER * tau * ahead * far.astype(float) * rate
+        t = t + _time_rounding(t0, (probe == 2).astype(float))
+        drift = LATER * tau * ahead * far.astype(float) * rate
         aside = now.aside * sizing.astype(float) * along
-        at = y0 + aside + way + tau * noise * (look == 4).astype(float)
+        at = y0 + aside + drift + tau * noise * (probe == 4).astype(float)
         at = at + at * off * rounded
         f, by_u = jax.jvp(lambda y: field.rate(t, y), (at,), (along,))
-        rate, then = lax.select(n == 0, f, rate), lax.select(look == 1, f, then)
-        gap = f - lax.select(look == 2, then, rate)
-        noise, stays = _noise_after(look, groups, gap, f, tau, u, noise, stays)
-        moved, carried = lax.max(lax.abs(f), lax.abs(rate)), lax.abs(by_u)
-        moved = lax.select(n == 0, lax.max(moved, drive.most), moved)
+        rate, then = lax.select(n == 0, f, rate), lax.select(probe == 1, f, then)
+        gap = f - lax.select(probe == 2, then, rate)
+        noise, stays = _noise_after(probe, groups, gap, f, tau, u, noise, stays)
+        speeds, carried = lax.max(lax.abs(f), lax.abs(rate)), lax.abs(by_u)
+        speeds = lax.select(n == 0, lax.max(speeds, forcing.most), speeds)
         shrink = 1.0 / lax.max(1.0, now.shrinks * step * _largest_ratio(carried, u))
-        by_rate = now.first / _positive_or(_largest_ratio(moved, u), 1 / span) + now.time * tau
+        by_rate = now.first / _positive_or(_largest_ratio(speeds, u), 1 / span) + now.time * tau
         by_others = now.product + now.step * shrink * step
         kept = lax.max(now.here * here, now.kept * shrink * u)
-        new = groups.sizes(lax.max(kept, lax.max(by_rate * moved, by_others * carried)))
+        new = groups.sizes(lax.max(kept, lax.max(by_rate * speeds, by_others * carried)))
         new = lax.select(sizing & (new < np.inf), new, u)
         stage, new = _next_stage(stage, u, new, shrink, 1 / span, sizing)
         grows = ((new > 0) & (u == 0)).any()
-        return stage, look, new, rate, then, stays, noise, grows
+        return stage, probe, new, rate, then, stays, noise, grows
 
     none = jnp.zeros((), int)
     first = _Stage(none, none, zero, 0 * span, span, span)
     begin = first, none, here, zero, zero, zero + np.inf, zero, jnp.ones((), bool)
-    stage, _, sizes, rate, _, _, noise, _ = lax.while_loop(looks, round_, begin)
+    stage, _, sizes, rate, _, _, noise, _ = lax.while_loop(goes_on, round_, begin)
     return Scales(sizes, stage.tau, MARGIN * noise), rate
 
 
 def _noise_after(
-    look: Array,
+    probe: Array,
     groups: Groups,
     gap: Array,
     rate: Array,
@@ -331,12 +334,12 @@ def _noise_after(
     noise: Array,
     stays: Array,
 ) -> tuple[Array, Array]:
-    """What rounding makes of the rate (k,), and of the rate later in the motion, after a look.
+    """The effect of rounding on the rate (k,), and on the rate later in the motion, after a probe.
 
     Args:
-      look: () number of the look: 2 is that later in the motion, those after it are at the start.
+      probe: () its number: 2 is that later in the motion, those after it are at the start.
       groups: the groups of the state.
-      gap: (k,) the change of the rate in this look.
+      gap: (k,) the change of the rate in this probe.
       rate: (k,) the rate in it.
       tau: () the time of the motion.
       sizes: (k,) its sizes.
@@ -345,10 +348,10 @@ def _noise_after(
     """
     later, gap = _noise_later(groups, gap, rate), _finite_magnitude(gap)
     typical = _is_as_fast(rate, gap, tau, sizes)
-    stays = lax.select((look == 2) & typical, later, stays)
-    gap = lax.select((look > 2) & (gap > _STAYS * stays), stays, gap)
-    found = _notable_in_groups(groups, gap, rate, sizes / tau, look == 4)
-    return lax.select((look > 1) & typical, lax.max(noise, found), noise), stays
+    stays = lax.select((probe == 2) & typical, later, stays)
+    gap = lax.select((probe > 2) & (gap > _STAYS * stays), stays, gap)
+    found = _notable_in_groups(groups, gap, rate, sizes / tau, probe == 4)
+    return lax.select((probe > 1) & typical, lax.max(noise, found), noise), stays
 
 
 def sizes_at_start(scene: Any, t0: Any = 0.0, t1: Any = None) -> np.ndarray:
@@ -378,7 +381,7 @@ def _at_starts(tree, own, numbers, groups: Groups, starts: Array, t0: Array, t1:
     def sizes(numbers, y0):
         return at_start(jax.tree.unflatten(tree, numbers), groups, t0, y0, t1)[0].sizes
 
-    axes = [0 if each else None for each in own]
+    axes = [0 if is_own else None for is_own in own]
     return jax.vmap(sizes, in_axes=(axes, 0))(numbers, starts)
 
 
@@ -389,21 +392,21 @@ def _by_change_of_rate(
 
     The rate is evaluated at the start; for a motion from rest also right after it, since the span
     may be a mere limit; and twice a little later. It is evaluated again for a state that differs by
-    a rounding, a little later and at the start, and for starts displaced by what rounding makes of
-    the rate: there, and later in the motion, where it may be more.
+    a rounding, a little later and at the start, and for starts displaced by the effect of rounding
+    on the rate: by that at the start, and by that later in the motion, which may be larger.
 
-    Each of these changes is made later in the motion first. The direction of a spring whose ends
-    nearly coincide, or of friction at rest, depends on the least rounding, but only at a place that
-    the motion leaves at once.
+    Each of these changes is first made later in the motion, for comparison: the direction of a
+    spring whose ends nearly coincide, or of friction at rest, depends on the least rounding, but
+    only at a place that the motion leaves at once.
     """
     off = rounding(y0)
     # A time that is short for any motion.
     at_once = float(np.sqrt(jnp.finfo(y0.dtype).tiny))
 
-    def look(carry: tuple[Array, ...], n: Array) -> tuple[tuple[Array, ...], None]:
+    def evaluate(carry: tuple[Array, ...], n: Array) -> tuple[tuple[Array, ...], None]:
         first, then, later, stays, noise, most, horizon, moving = carry
         soon, far, rounded, aside = (
-            (n == np.array(looks)).any() for looks in (_SOON, _LATER, _ROUNDED, _BESIDE)
+            (n == np.array(numbers)).any() for numbers in (_SOON, _LATER, _ROUNDED, _BESIDE)
         )
         plain = far & ~rounded & ~aside
         tau, sizes = _time_and_sizes(groups, here, span, first, then, noise, horizon)
@@ -424,7 +427,7 @@ def _by_change_of_rate(
         new = ((n == 0) | (((n == 1) | (n == 2)) & ~moving)) & (slowest > 0)
         moving = (slowest > 0) & (n == 0) | moving & (n > 0)
         horizon = lax.select(new, lax.min(span, _HORIZON * slowest), horizon)
-        # What hardly moves at the start, as at a turning point, may turn long before.
+        # What hardly moves at the start, as at a turning point, may turn long before the horizon.
         turns = _HORIZON * _slowest_turn(groups, here, first, rate - first, after)
         shorter = ((n == 1) | (n == 2)) & moving & (0 < turns) & (turns < horizon / _HORIZON)
         horizon = lax.select(shorter, turns, horizon)
@@ -445,7 +448,7 @@ def _by_change_of_rate(
     # A loop, so that the rate is compiled once: a tenth of the time until a first result.
     zero = jnp.zeros_like(y0)
     begin = zero, zero, zero, zero, zero, zero, span, jnp.ones((), bool)
-    (f, then, _, _, noise, most, horizon, _), _ = lax.scan(look, begin, jnp.arange(14))
+    (f, then, _, _, noise, most, horizon, _), _ = lax.scan(evaluate, begin, jnp.arange(14))
     tau, sizes = _time_and_sizes(groups, here, span, f, then, noise, horizon)
     return Scales(sizes, tau, most), f
 
@@ -462,12 +465,12 @@ def _slowest_turn(groups: Groups, here: Array, rate: Array, gap: Array, after: A
     """
     moves, turns = groups.largest(jnp.abs(jnp.stack([rate, gap], -1))).T
     by_turn = lax.sqrt(jnp.where(turns > 0, here * after / turns, np.inf))
-    each = lax.min(jnp.where(moves > 0, here / moves, np.inf), by_turn)
-    return jnp.max(jnp.where(each < np.inf, each, 0.0))
+    times = lax.min(jnp.where(moves > 0, here / moves, np.inf), by_turn)
+    return jnp.max(jnp.where(times < np.inf, times, 0.0))
 
 
 def _noise_later(groups: Groups, gap: Array, rate: Array) -> Array:
-    """(k,) what rounding makes of the rate later in the motion, at least one rounding of it.
+    """(k,) the effect of rounding on the rate later in the motion, at least one rounding of it.
 
     Args:
       groups: the groups of the state.
@@ -495,7 +498,7 @@ def _time_and_sizes(
       span: () the span.
       rate: (k,) the rate at the start.
       then: (k,) the rate a part `_AHEAD` of the horizon later.
-      noise: (k,) what rounding makes of the rate.
+      noise: (k,) the effect of rounding on the rate.
       horizon: () the horizon.
     """
     noise = groups.largest(noise)
@@ -506,9 +509,9 @@ def _time_and_sizes(
     change = known(lax.abs(then - rate)) / _positive_or(_AHEAD * horizon, jnp.ones_like(span))
     moves, turns = groups.largest(jnp.stack([known(lax.abs(rate)), change], -1)).T
     turns = lax.select(turns < np.inf, turns, jnp.zeros_like(turns))
-    # What is rounding of the motion's displacement is as good as zero: it gives no time.
-    way = jnp.finfo(rate.dtype).eps * horizon * moves
-    there = lax.select(here > way, here, jnp.zeros_like(here))
+    # What is only rounding of the motion's displacement counts as zero: it gives no time.
+    least = jnp.finfo(rate.dtype).eps * horizon * moves
+    there = lax.select(here > least, here, jnp.zeros_like(here))
     speeds = lax.max(_ratio(moves, there), lax.sqrt(_ratio(turns, there)))
     there, speeds = _without_turning(groups, there, moves, speeds)
     begins = _ratio(lax.select(there > 0, jnp.zeros_like(turns), turns), moves)
@@ -522,7 +525,7 @@ def _without_turning(
 ) -> tuple[Array, Array]:
     """(k,) sizes and (k,) speeds, with 0 for a group near a turning point.
 
-    There a velocity is as good as zero: by itself it would give a time as short as the way to that
+    There a velocity is nearly zero: by itself it would give a time as short as that to the turning
     point, in which nothing else happens.
     """
     others = _largest_of_other_groups(groups, speeds)
@@ -543,17 +546,17 @@ def _largest_of_other_groups(groups: Groups, x: Array) -> Array:
 
 
 class _Round(NamedTuple):
-    """What a round of `at_start` takes, as factors.
+    """The factors of a round of `at_start`.
 
     Attributes:
-      later: when the rate is evaluated, in times of the motion.
+      later: when the rate is evaluated, in units of the time of the motion.
       aside: how far from the state it is evaluated, as a part of the sizes.
       here: how much of |y0| is kept, at least.
       kept: how much of the sizes is kept.
-      first: how much the rate adds to the sizes in the time that is known first.
-      time: how much it adds in the time of the motion.
+      first: how much of the change by the rate is taken, in the time that is known first.
+      time: how much of it is taken in the time of the motion.
       product: how much of |J| times the sizes is taken.
-      step: how much of it is taken in a time.
+      step: how much of it is taken in the time `_Stage.step`.
       shrinks: whether that time is at most the one in which the fastest entry changes by its size:
         sizes must not be too large, since the motion soon shows larger ones, but never smaller.
     """
@@ -590,7 +593,7 @@ class _Stage(NamedTuple):
       before: (k,) the sizes before their growth is measured.
       first: () their growth by one of the first two products.
       tau: () the time of the motion.
-      step: () the time in which others change an entry, at most that.
+      step: () the time in which others change an entry, at most `tau`.
     """
 
     n: Array
@@ -652,7 +655,7 @@ def shifted(y: Any) -> Any:
 
 
 def notable(gap: Array, rate: Array, roundings: float | np.ndarray = _USUAL) -> Array:
-    """What rounding makes of a rate where that is more than it makes of any rate; else 0."""
+    """The effect of rounding on a rate where it is more than on any rate; else 0."""
     usual = roundings * jnp.finfo(rate.dtype).eps * rate
     return lax.select(gap > usual, gap, jnp.zeros_like(gap))
 
@@ -662,8 +665,8 @@ def _notable_in_groups(
 ) -> Array:
     """(k,) the result of `notable` in groups, whose rates count as at least `usual` (k,).
 
-    At rest the rates themselves vanish. Beside the start, displaced by what rounding made in a
-    while, the result counts only where the rate is hardly anything else: what holds a motion on its
+    At rest the rates themselves vanish. Beside the start, displaced by the effect of rounding, the
+    result counts only where the rate is hardly anything else: what holds a motion on its
     constraints responds to any distance from them.
     """
     gap, rate = groups.largest(jnp.stack([gap, lax.abs(rate)], -1)).T
@@ -687,17 +690,13 @@ def _finite_magnitude(x: Array) -> Array:
 
 
 def _is_as_fast(rate: Array, gap: Array, tau: Array, sizes: Array) -> Array:
-    """Whether () the rate at a place is that of the motion, not that near a singularity.
+    """Whether () the rate at a place is like that of the motion, not like that near a singularity.
 
     Entries that are hardly more than rounding say nothing about it.
     """
-    moved = tau * lax.abs(rate)
-    return (
-        _largest_ratio(
-            lax.select(gap < ALL_ROUNDING * lax.abs(rate), moved, jnp.zeros_like(moved)), sizes
-        )
-        < _FASTER
-    )
+    change = tau * lax.abs(rate)
+    change = lax.select(gap < ALL_ROUNDING * lax.abs(rate), change, jnp.zeros_like(change))
+    return _largest_ratio(change, sizes) < _FASTER
 
 
 def _largest_ratio(a: Array, b: Array) -> Array:

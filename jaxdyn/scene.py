@@ -35,14 +35,14 @@ from jaxdyn.system import Effect, Points, System, check_field
 
 # ---- A system with its effects, without a start: the interface to integrators and other libraries
 #
-# `Field` is what the compiled code of this library takes; `VectorField` is the same as a function
+# The compiled code of this library takes a `Field`; `VectorField` is the same rate as a function
 # for other libraries.
 
 
 class Field(NamedTuple):
     """A system with its effects, without a start: what integrators and Jacobians need.
 
-    A tuple, not a module: one is created at each call of a solver, ten times as fast.
+    It is a tuple, not a module, since each call of a solver creates one, ten times as fast.
     """
 
     system: System
@@ -53,7 +53,7 @@ class Field(NamedTuple):
         return self.system.rate(t, y, self.effects)
 
     def energies(self, t: Array, y: Float[Array, " k"]) -> tuple[Array, ...]:
-        """The terms () whose sum is the energy; () without one; see `System.energies`."""
+        """The terms () whose sum is the energy, none without an energy; see `System.energies`."""
         return self.system.energies(t, y, self.effects)
 
     @property
@@ -88,7 +88,7 @@ class Field(NamedTuple):
 
 
 class FieldAround:
-    """A field around another: what it does not define itself is that of the inner one.
+    """A field around another, to which it leaves whatever it does not define itself.
 
     Attributes:
       field: the inner field.
@@ -175,7 +175,7 @@ class VectorField(eqx.Module):
 
 
 def _float(x: Any) -> Array | np.ndarray:
-    # JAX only for JAX arrays: a conversion to them costs more than the rate.
+    # Other numbers become NumPy arrays: a conversion to JAX costs more than the rate.
     return jnp.asarray(x, float) if isinstance(x, jax.Array) else np.asarray(x, float)
 
 
@@ -186,10 +186,10 @@ def _rate(field: Field, t: Array, y: Array) -> Array:
 
 @jax.jit
 def properties_at(field: Field, t: Array, y: Array) -> tuple:
-    """The points, which forces depend on velocity against their claim, and whether v is dq/dt.
+    """The points, which forces depend on velocity against their claim, and whether dq/dt = v.
 
-    One compiled call for all: each call takes as long as a short solve, and an uncompiled force
-    takes milliseconds. Shapes are checked while it is traced.
+    One compiled call finds all three: each call takes as long as a short solve, and an uncompiled
+    force takes milliseconds. Shapes are checked while it is traced.
     """
     points = field.system.points(t, y)
     check_field(field, t, y)
@@ -198,9 +198,9 @@ def properties_at(field: Field, t: Array, y: Array) -> tuple:
 
 
 def _depends_on_velocity(effect: Effect, t: Array, points: Points) -> Array | bool:
-    """Whether a force that claims to be velocity-independent changes for NaN velocities.
+    """Whether a force that claims to be velocity-independent changes if velocities are NaN.
 
-    With NaN it becomes NaN, or takes the other branch of a comparison.
+    One that depends on them becomes NaN, or takes the other branch of a comparison.
     """
     if effect.velocity_dependent:
         return False
@@ -214,7 +214,7 @@ def _is_second_order(system: System, t: Array, y: Array) -> Array | bool:
     if len(y) % 2 or not system.second_order:
         return False
     q, v = jnp.split(y, 2)
-    v = v + jnp.arange(1.0, len(v) + 1)  # at rest any multiple of v would pass
+    v = v + jnp.arange(1.0, len(v) + 1)  # at rest any multiple of v would pass as dq/dt
     rate, probed = (system.rate(t, jnp.concatenate([q, u]), ()) for u in (v, v * jnp.nan))
     same = jnp.array_equal(rate[len(v) :], probed[len(v) :], equal_nan=True)
     return same & jnp.array_equal(rate[: len(v)], v)
@@ -226,10 +226,10 @@ def _is_second_order(system: System, t: Array, y: Array) -> Array | bool:
 class Scene(Record):
     """A system, the effects that act on it, its start y0 (k,) and a default span t1 [s].
 
-    Its name is the title of pictures. It is static, so functions that are compiled for a scene are
-    compiled once for each name. So are its units, of length, mass and time, where these are not m,
-    kg and s: with ``units=("AU", "Msun", "day")`` tables, pictures and files name those. Numbers
-    are not converted: those of the effects, such as G, are in these units too.
+    Its name is the title of pictures. Name and units are static, so functions that are compiled for
+    a scene are compiled once for each name. Units of length, mass and time are given where they are
+    not m, kg and s: with ``units=("AU", "Msun", "day")`` tables, pictures and files name those.
+    Numbers are not converted: those of the effects, such as G, have to be in these units too.
 
     Example:
       >>> from jaxdyn import scenes
@@ -362,7 +362,7 @@ class Scene(Record):
 
     @property
     def singular(self) -> str:
-        """Where its motions may run into a singularity, from the texts of its parts."""
+        """Where its motions may run into a singularity, in the words of its parts."""
         said = (part.singular for part in (self.system, *self.effects))
         return " ".join(dict.fromkeys(text for text in said if text))
 
@@ -388,7 +388,7 @@ class Scene(Record):
         """The same scene from another start, and over another span if given.
 
         Args:
-          y0: (k,) the start; or some of its entries by name, () each, where the others stay.
+          y0: (k,) the start; or values () of some of its entries by name, while the others stay.
           t1: () span [s].
         Example:
           >>> from jaxdyn import scenes
@@ -402,7 +402,7 @@ class Scene(Record):
         return dataclasses.replace(self, y0=y0, t1=self.t1 if t1 is None else t1)
 
     def labels(self) -> tuple[tuple[str, str], ...]:
-        """(name, unit) of each entry of the state, "1" for all units where there are none."""
+        """(name, unit) of each entry of the state; the unit is "1" where there are no units."""
         named = self.system.labels()
         if self.units is not None:
             check_units(self.units)
@@ -413,7 +413,7 @@ class Scene(Record):
 
     @property
     def point_names(self) -> tuple[str, ...]:
-        """The names of the material points, those of the bodies where each is one by itself."""
+        """The names of the material points; one that is a body by itself has the body's name."""
         count = _points(self).r.shape[0]
         parts = self.system.bodies(jnp.zeros(()), self.y0)
         named = {part.points[0]: part.name for part in parts if len(part.points) == 1}
@@ -421,7 +421,7 @@ class Scene(Record):
 
     @property
     def base_units(self) -> tuple[str, str, str] | None:
-        """Names of the units of length, mass and time; None where there are none, or not known.
+        """Names of the units of length, mass and time; None if there are none or they are unknown.
 
         The mass is "" where energies are per mass.
         """
@@ -472,20 +472,20 @@ class Scene(Record):
         if _checks.is_traced(self):
             check_field(self.field, jnp.zeros(()), jnp.asarray(self.y0, float))
             return
-        # Within a jit that has captured the scene, its numbers would become traced ones. Elsewhere
-        # that would only take more programs.
+        # Within a jit that has captured the scene, its numbers would become traced ones without
+        # this context. Elsewhere the context would only compile more programs.
         within = _checks.is_traced(jnp.zeros(()))
         with jax.ensure_compile_time_eval() if within else contextlib.nullcontext():
             self._check_values(np.zeros(()), np.asarray(self.y0, float))
 
     def _check_values(self, t: np.ndarray, y: np.ndarray) -> None:
-        """The part of `check` for which numbers are needed, at the start."""
+        """The part of `check` that needs numbers: it evaluates the scene at its start."""
         system = self.system
         system.check(t, y)
         try:
             points, depends, second_order = properties_at(self.field, t, y)
         except (ValueError, TypeError, IndexError):
-            # A shape or an index is wrong; if an effect made it so, the effect names it.
+            # A shape or an index is wrong; if that is due to an effect, its check names the effect.
             _check_effects(self.effects, system.points(t, y))
             raise
         _check_effects(self.effects, points)
@@ -524,15 +524,15 @@ def check_units(units: Any) -> None:
             raise _checks.fail("units", f"a unit of the same kind as {base}", repr(name), remedy)
 
 
-#: Compiling takes some 0.06 s per effect, and grows faster than their number [measured: 200 drags
-#: took 12 s, on a loaded core]; this many take a minute.
+#: Compiling takes some 0.06 s per effect, and grows faster than the number of effects [measured:
+#: 200 drags took 12 s, on a loaded core]; this many take a minute.
 _MOST_EFFECTS = 500
 
-#: Descriptions of an effect's methods.
+#: What an effect's methods return, for messages.
 _ACTIONS = {"force": "forces on points", "generalized": "forces on coordinates"}
 
 
-@jax.jit  # traced once for scenes of a kind: 0.03 ms to ask for its shape, not 3
+@jax.jit  # traced once for scenes of a kind: asking for a shape then takes 0.03 ms instead of 3
 def _points(scene: Scene) -> Points:
     return scene.system.points(jnp.zeros(()), scene.y0)
 
@@ -560,11 +560,11 @@ def _check_accepted(system: System, effect: Effect) -> None:
         raise _checks.fail("effects", "effects", repr(effect), "Write a subclass of Effect.")
     ignored = effect.acts - system.accepts
     if ignored:
-        accepted = " and ".join(_ACTIONS[way] for way in sorted(system.accepts))
+        accepted = " and ".join(_ACTIONS[name] for name in sorted(system.accepts))
         raise _checks.fail(
             type(effect).__name__,
             f"an effect that {type(system).__name__} accepts: {accepted or 'none at all'}",
-            " and ".join(_ACTIONS[way] for way in sorted(ignored)),
+            " and ".join(_ACTIONS[name] for name in sorted(ignored)),
             "It would be ignored silently. Leave it out, or use another formulation.",
         )
 

@@ -2,8 +2,8 @@
 
 A `System` defines coordinates and their motion; an `Effect` acts on material points, or on
 coordinates directly. `jaxdyn.scene` combines them, and exports both. Like everything that is made
-or read in every call, both are a `Record`. What their methods return is checked by the functions at
-the end, by which every formulation sums its effects.
+or read in every call, both are a `Record`. The functions at the end check what their methods
+return; every formulation sums its effects by them.
 """
 
 import abc
@@ -50,7 +50,7 @@ class Effect(Record):
     #: Where the force has no value or no direction, and the remedy: a sentence for the message
     #: of a motion that ends there; empty for a force that is smooth everywhere.
     singular: ClassVar[str] = ""
-    #: What its force is called in a free-body diagram; by default the words of its class name.
+    #: The name of its force in a free-body diagram; by default the words of its class name.
     called: ClassVar[str] = ""
 
     def potential(self, t: Array, r: Array, m: Array) -> Array | None:
@@ -85,7 +85,7 @@ class Effect(Record):
         return ()
 
     def pieces(self, m: Array) -> tuple["Effect", ...]:
-        """The effects that it is the sum of, one for each force that a free-body diagram shows.
+        """The effects of which it is the sum, one for each force that a free-body diagram shows.
 
         For a network of springs they are the springs. m (n,) are the masses of the points.
         """
@@ -172,7 +172,7 @@ class System(Record):
         return Points(jnp.zeros((0, 0)), jnp.zeros((0, 0)), jnp.zeros(0))
 
     def places(self, t: Array, y: Float[Array, " k"]) -> Array:
-        """(n, d) where the points are drawn, with the ends of effects: at their positions."""
+        """(n, d) where the points, and effects on them, are drawn; by default their positions."""
         return self.points(t, y).r
 
     def sketch(self, t: Array, y: Float[Array, " k"]) -> tuple[Shape, ...]:
@@ -218,7 +218,7 @@ class System(Record):
     def bounds(
         self, t: Array, y: Float[Array, " k"], effects: tuple[Effect, ...]
     ) -> dict[str, Array]:
-        """Numbers () that fall below 0 where the equations cease to hold, by what is there.
+        """Numbers () that fall below 0 where the equations cease to hold, by the name of a bound.
 
         A stop is an example: its name is "the stop" and its number the distance from it. A motion
         that passes one has a warning; `Phase` has the equations on both sides.
@@ -287,7 +287,7 @@ class System(Record):
         return None
 
     def loses(self, t0: Array, y0: Array, t1: Array, y1: Array) -> Array | None:
-        """Whether () a step from y0 to y1 passes a state of `undetermined`, or may; else None.
+        """Whether () a step from y0 to y1 may pass a state of `undetermined`; None if none can.
 
         Such a step is repeated with a shorter one, which ends before that state.
         """
@@ -316,7 +316,7 @@ class System(Record):
         del t, y
 
     def check_effects(self, t: Array, y: Array, effects: tuple[Effect, ...]) -> None:
-        """Raise ValueError for effects that it cannot have."""
+        """Raise ValueError for effects that the system cannot have."""
         del t, y, effects
 
 

@@ -117,17 +117,17 @@ def halvings(
     counts = steps * 2 ** np.arange(rows)
     run = (fixed_steps(scene, t1, steps=int(n), t0=t0, method=method) for n in counts)
     ys = np.stack([np.asarray(y) for y in run])
-    moved = np.array(
+    changes = np.array(
         [
             np.abs(scene.system.difference(jnp.asarray(b), jnp.asarray(a))).max()
             for a, b in itertools.pairwise(ys)
         ]
     )
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = moved[:-1] / moved[1:]
+        ratios = changes[:-1] / changes[1:]
         unknown = np.full(2, np.nan)
         orders = np.concatenate([unknown, np.log2(ratios)])
-        errors = np.concatenate([unknown, moved[1:] / (ratios - 1)])
+        errors = np.concatenate([unknown, changes[1:] / (ratios - 1)])
     return Halvings(
         steps=counts, ys=ys, errors=np.where(errors >= 0, errors, np.nan), orders=orders
     )

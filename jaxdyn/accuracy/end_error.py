@@ -36,10 +36,10 @@ Again = Callable[[Scene, float], Motion]
 #: A digit is written if it is worth at least this many estimated errors: an estimate is within
 #: this factor of the error (see `accuracy`).
 _ESTIMATE_FACTOR = 5.0
-#: Part of its scale below which the error of an entry that is smaller than it is written as 0.
+#: An entry without a certain digit is written as 0 if its error is below this part of its scale.
 _ZERO_BELOW = 1e-3
-#: Part of its scale: where an entry is off by more, the finer motion may be lost as well, and
-#: another entry agrees with the motion's only by chance: one in a hundred is that near.
+#: Part of the scale of an entry: where one is off by more, the finer motion may be lost as well, so
+#: that other entries agree by chance only, as one in a hundred does to this part of its scale.
 _APART = 0.01
 #: Number of further motions that are compared then, each at twice the tolerance of the one before,
 #: so that their steps differ. All agree in a lost entry by chance in 1 of 1e8 cases or fewer.
@@ -148,9 +148,10 @@ def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
     finer = max(rtol * RATIO, FINEST)
     other = perturb(start, _LAST_DIGIT, np.random.default_rng(_SEED))
     ends = [_same(motion, again(begin, finer)) for begin in (start, other)]
-    apart, scale = _largest_gap(scene, ends[1], ends[:1]), _scales(motion, y)
-    error = np.maximum(_largest_gap(scene, y, ends), apart)
-    rounding = np.maximum(apart, 0.5 * np.finfo(float).eps * np.abs(y))  # also of the stored result
+    spread, scale = _largest_gap(scene, ends[1], ends[:1]), _scales(motion, y)
+    error = np.maximum(_largest_gap(scene, y, ends), spread)
+    # The stored result is rounded as well.
+    rounding = np.maximum(spread, 0.5 * np.finfo(float).eps * np.abs(y))
     if np.any(error > _APART * scale):
         more = [_same(motion, again(start, finer * 2.0**n)) for n in range(1, _MORE + 1)]
         error = np.maximum(error, _largest_gap(scene, y, more))
@@ -167,7 +168,7 @@ def _scales(motion: Motion, y: np.ndarray) -> np.ndarray:
     """(k,) the scale of each entry, see `EndError`, from all samples of the motion and its end."""
     pieces = pieces_of(motion)
     labels = pieces[-1].scene.system.labels()
-    # Coordinates may have been exchanged on the way.
+    # Phases may have different coordinates.
     alike = [piece for piece in pieces if piece.scene.system.labels() == labels]
     ys = np.concatenate([y[None], *(np.asarray(piece.ys) for piece in alike)])
     scene = pieces[-1].scene

@@ -1,9 +1,9 @@
 """Error estimates without the exact solution: problem 3 d and e of the course.
 
-There are four independent ways, each of which gives an `Estimate` with its basis:
+There are four independent methods, each of which gives an `Estimate` with its basis:
 
 - `estimate`: the same solver at a thousandth of the tolerance, or the default solver for the
-  finest tolerances. It is the usual way: cheap and sharp.
+  finest tolerances. It is the usual one: cheap and sharp.
 - `by_second_method`: another solver at a thousandth of the tolerance. It would also detect a
   fault of the first one.
 - `by_tangents`: the error made in each piece of the span, propagated to its end by the tangent

@@ -1,9 +1,9 @@
 """How long a motion can be trusted: the predictability horizon of chaotic motions.
 
 Nearby motions of a chaotic scene diverge like exp(growth t). An error of a step, or of rounding, is
-amplified alike, so every tolerance has its horizon, and a thousand times tighter one moves it by
-no more than log(1000) / growth. Beyond it a solution is one of the motions of the scene, but not
-the one from its start.
+amplified likewise, so every tolerance has its horizon, and one that is a thousand times tighter
+moves it by no more than log(1000) / growth. Beyond it a solution is one of the motions of the
+scene, but not the one from its start.
 
 The time reported is measured, not predicted: it is where two solutions differ in the requested
 digits, including the effect of rounding (`integrate.errors`). The growth rate, from the tangent
@@ -126,9 +126,9 @@ def _growth(found: Estimate, tangents: np.ndarray, t: float) -> float:
     and long after t tangents may overflow.
     """
     scale, ts = np.asarray(found.scale), np.asarray(found.ts)
-    gone, end = np.abs(ts - ts[0]), abs(t - ts[0])
-    late = (gone <= end) & (2 * gone >= end)
+    elapsed, end = np.abs(ts - ts[0]), abs(t - ts[0])
+    late = (elapsed <= end) & (2 * elapsed >= end)
     if late.sum() < 2:
         return math.nan
     stretch = np.linalg.norm(tangents[late] * scale[None, None, :] / scale[:, None], 2, (1, 2))
-    return float(np.polyfit(gone[late], np.log(stretch), 1)[0])
+    return float(np.polyfit(elapsed[late], np.log(stretch), 1)[0])

@@ -273,8 +273,8 @@ def _reference(scene, quantity: Quantity, solvers, programs: Callable) -> tuple:
         scale = scales(scene, np.stack([np.asarray(scene.y0), value]))
     else:
         scale = np.max(np.abs(value)) or 1.0
-    apart = float(np.max(np.abs(value - found[1]) / scale))
-    return value, scale, max(apart, float(np.finfo(float).eps))
+    difference = float(np.max(np.abs(value - found[1]) / scale))
+    return value, scale, max(difference, float(np.finfo(float).eps))
 
 
 def _finest(program) -> np.ndarray:

@@ -25,8 +25,8 @@ _AXIS = "motions"
 #: Rows of the program's queue on a core of a CPU: some 60 rounds of its lanes, so that the last
 #: round, in which lanes run out of work, costs little.
 _ROWS = 2048
-#: Entries of all states at once on another device: enough to keep a large GPU busy (one with three
-#: bodies reaches its highest rate from 100 000 motions on), with their stages some 300 MB.
+#: Entries of all states that another device is passed at once: enough to keep a large GPU busy (for
+#: three bodies it reaches its highest rate from 100 000 motions on), some 300 MB with their stages.
 _ENTRIES = 2**21
 
 

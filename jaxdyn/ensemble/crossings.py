@@ -1,6 +1,6 @@
 """A watch that records the crossings of an event, in the lanes of an ensemble.
 
-The search of `integrate.event_search` looks into a step by more steps from its start. In a lane
+The search of `integrate.event_search` samples a step by further steps from its start. In a lane
 these are the lane's own steps, so that all lanes keep searching and stepping together, vectorised,
 and none waits for another: the watch steers its run. A step that may hide crossings, as judged from
 the values and slopes at both ends and at a node before (`are_settled`), is taken again with half
@@ -71,16 +71,16 @@ def zero_between(before: Node, here: Node, end: Node) -> Array:
 #: Most halvings of a step: in a stretch this short a value has no extremum except by rounding.
 _MAX_HALVINGS = 24
 _GROWTH = 3  # halvings that a step regains after one that is kept; a bit less than is possible
-#: Part of a step: a look this close to the crossing is the last one. The remaining correction is
-#: linear in time, with an error of the order of its square, below rounding.
+#: A trial step that ends this close to the crossing is the last one, as a part of the step. The
+#: remaining correction is linear in time, with an error of the order of its square, below rounding.
 _CLOSE = 2.0**-28
 _LEAST_STRETCH = 0.25  # part of the stretch before: a shorter one shows no third derivatives
 #: The linear correction leaves at most this part of the value at a simple zero. At a flat zero of
 #: order n it leaves (1 - 1/n)^n, which is 1/4 or more.
 _SIMPLE = 0.1
-#: Most looks for one crossing; about four are usual. At a flat zero every second look halves the
-#: bracket.
-_MAX_LOOKS = 200
+#: Most trial steps for one crossing; about four are usual. At a flat zero every second one halves
+#: the bracket.
+_MAX_TRIALS = 200
 
 
 class CrossingRecord(NamedTuple):
@@ -110,7 +110,7 @@ class _Search(NamedTuple):
     begun: Array  # () whether a step has been accepted
     beginning: Beginning  # what was seen at the start
     halved: Array  # () how often the step has been halved, less what it has grown
-    looks: Array  # () for the crossing so far, 0 if none is looked for
+    trials: Array  # () number of trial steps to a crossing, 0 if none is being located
     step: Array  # () length of the step that holds the crossing
     low: Array  # () bracket of the crossing, as time after the node
     high: Array
@@ -147,7 +147,7 @@ class EachCrossing(Watch):
             begun=no,
             beginning=start,
             halved=none,
-            looks=none,
+            trials=none,
             step=zero,
             low=zero,
             high=zero,
@@ -171,33 +171,34 @@ class EachCrossing(Watch):
         end, crossed = self._end(y0, t1, y1)
         first = search.beginning.sides((self.event,), self.direction * (t1 - t0), self._direction)
         side = jnp.where(search.begun, search.side, first[0])
-        looking = search.looks > 0
+        searching = search.trials > 0
         in_time = TimeDependence.of((self.event,), y1.shape[0])
         hidden = False
         if in_time is not None:
             hidden = in_time.hide(self.direction * t0, self.direction * t1)
         stepped = _step(search, side, end, self._direction, hidden)
         closed = _approach(search, side, end, crossed.simple)
-        found = fine & looking & closed.arrived
-        keep = fine & jnp.where(looking, closed.arrived, stepped.keep)
-        h = jnp.where(looking, closed.h, stepped.h)
-        # It need not become longer than the step was: the control's own choice follows then.
+        found = fine & searching & closed.arrived
+        keep = fine & jnp.where(searching, closed.arrived, stepped.keep)
+        h = jnp.where(searching, closed.h, stepped.h)
+        # After a crossing the next step is as long as the one that held it: step control chooses
+        # longer ones only afterwards.
         full = jnp.where(found, t1 + search.step, following)
         aim = jnp.where(fine, jnp.where(keep, full, t0 + h), following)
-        towards = jnp.where(looking, -side, stepped.side)
+        towards = jnp.where(searching, -side, stepped.side)
         new = _following(search, keep, end, towards)
-        begins = ~looking & ~stepped.keep & stepped.across
-        halves = ~looking & ~begins
+        begins = ~searching & ~stepped.keep & stepped.across
+        halves = ~searching & ~begins
         new = new._replace(
             halved=jnp.maximum(search.halved + jnp.where(keep, -_GROWTH, halves.astype(int)), 0),
-            looks=jnp.where(keep, 0, jnp.where(looking, search.looks + 1, begins.astype(int))),
+            trials=jnp.where(keep, 0, jnp.where(searching, search.trials + 1, begins.astype(int))),
             step=jnp.where(begins, t1 - t0, search.step),
             low=jnp.where(begins, 0.0, closed.low),
             high=jnp.where(begins, t1 - t0, closed.high),
             change=jnp.where(begins, t1 - t0, closed.change),
         )
-        # Where the step control has rejected a step, the crossing is looked for afresh.
-        kept = search._replace(looks=jnp.zeros_like(search.looks))
+        # Where step control has rejected a step, the search for a crossing begins afresh.
+        kept = search._replace(trials=jnp.zeros_like(search.trials))
         new = jax.tree.map(lambda a, b: jnp.where(fine, a, b), new, kept)
         lost = fine & jnp.isnan(end.g)
         memory = _record(memory, found, crossed, -side)._replace(search=new, lost=lost)
@@ -250,10 +251,10 @@ def _record(
 class _StepVerdict(NamedTuple):
     """The verdict on a whole step."""
 
-    keep: Array  # () no crossing that counts, and none hidden
-    across: Array  # () exactly one, and it counts
-    side: Array  # () at its end
-    h: Array  # () length of the next step where it is not kept
+    keep: Array  # () whether it has no crossing that counts, and hides none
+    across: Array  # () whether it has exactly one, which counts
+    side: Array  # () sign of the value at its end
+    h: Array  # () length of the next step if it is not kept
 
 
 def _step(
@@ -286,13 +287,13 @@ def _cubic(a: Node, b: Node) -> HermiteCubic:
 
 
 class _Approach(NamedTuple):
-    """The verdict on a look for a crossing."""
+    """The verdict on a trial step to a crossing."""
 
-    arrived: Array  # () the crossing is here
+    arrived: Array  # () whether it ends at the crossing
     low: Array  # () the bracket after it
     high: Array
-    h: Array  # () time after the node of the next look
-    change: Array  # () how far that is from this one
+    h: Array  # () length of the next trial step
+    change: Array  # () by how much that differs from this one
 
 
 def _approach(search: _Search, side: Array, end: Node, simple: Array) -> _Approach:
@@ -303,7 +304,7 @@ def _approach(search: _Search, side: Array, end: Node, simple: Array) -> _Approa
     near = simple & (jnp.abs(change) <= _CLOSE * search.step)
     eps = jnp.finfo(h.dtype).eps
     fine = jnp.abs(high - low) <= 2 * eps * jnp.maximum(jnp.abs(h), jnp.abs(end.t))
-    arrived = near | fine | (end.side == 0) | (search.looks >= _MAX_LOOKS)
+    arrived = near | fine | (end.side == 0) | (search.trials >= _MAX_TRIALS)
     new = h + change
     halved = 2 * jnp.abs(change) <= search.change
     inside = (new > low) & (new < high) & (end.slope != 0) & halved
@@ -313,12 +314,12 @@ def _approach(search: _Search, side: Array, end: Node, simple: Array) -> _Approa
 
 def _following(search: _Search, keep: Array, end: Node, side: Array) -> _Search:
     """The search from the end of a step that is kept, or as it was."""
-    short = (end.t - search.here.t) < _LEAST_STRETCH * (search.here.t - search.before.t)
+    too_short = (end.t - search.here.t) < _LEAST_STRETCH * (search.here.t - search.before.t)
 
     def chosen(new, old):
         return jax.tree.map(lambda a, b: jnp.where(keep, a, b), new, old)
 
-    before = jax.tree.map(lambda a, b: jnp.where(short, a, b), search.before, search.here)
+    before = jax.tree.map(lambda a, b: jnp.where(too_short, a, b), search.before, search.here)
     return search._replace(
         before=chosen(before, search.before),
         here=chosen(end, search.here),

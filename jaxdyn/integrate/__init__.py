@@ -5,8 +5,8 @@
 with its derivatives in both modes, by the variational equations, and the change to another method
 where the default does not suit a motion. `adjoint` has the gradient of one loss with respect to
 many numbers (`adjoint=True`), `fixed` the solve with the parameters as constants. `march` is the
-loop over steps: their size, samples on the way, and that none passes over brief parts of a rate.
-`pieces` follows rates with conditions, each piece in one branch; `resting` has the events whose
+loop over steps: their size, samples on the way, and how none passes over brief parts of a rate.
+`pieces` follows rates with conditions, each piece in one branch; `resting` treats events whose
 values stay at zero while such a motion is held on a surface. Events are in `events` (the calls,
 and what they return) and in the folder `event_search` (the search within a step). Piecewise-smooth
 motions are in `phases` (the calls, which phase is first and next) and `phase` (one phase, and when

@@ -29,7 +29,7 @@ from jaxdyn.plan.branch import Branch, InBranch
 from jaxdyn.scales import Groups, groups_of_names
 from jaxdyn.solvers import Method
 
-#: Largest relative difference of a state found forwards from the same one found backwards.
+#: Largest relative difference of a state integrated forwards from the same one found backwards.
 _SAME_STATE = 1e-3
 _PIECES = 4  # pieces of the backward integration, besides those between samples
 
@@ -40,6 +40,7 @@ class _Backwards(eqx.Module):
     Attributes:
       field: the scene's field.
       position_only: whether the method requires velocity-independent forces.
+      k: number of entries of the state.
     """
 
     field: Any
@@ -54,7 +55,7 @@ class _Backwards(eqx.Module):
             y, adjoint = z[:k], z[k : 2 * k]
             f, pull = jax.vjp(lambda p, y: eqx.combine(p, rest).rate(t, y), numbers, y)
             by_numbers, by_state = pull(adjoint)
-            return jnp.concatenate([f, -by_state, -self._by_shares(by_numbers, z.dtype)])
+            return jnp.concatenate([f, -by_state, -self._by_relative_change(by_numbers, z.dtype)])
         q, adjoint, v = z[: k // 2], z[k // 2 : k], z[half : half + k // 2]
 
         def acceleration(p, q):
@@ -62,19 +63,21 @@ class _Backwards(eqx.Module):
 
         a, pull = jax.vjp(acceleration, numbers, q)
         by_numbers, by_place = pull(adjoint)
-        return jnp.concatenate([z[half:], a, by_place, -self._by_shares(by_numbers, z.dtype)])
+        by_numbers = self._by_relative_change(by_numbers, z.dtype)
+        return jnp.concatenate([z[half:], a, by_place, -by_numbers])
 
     @property
-    def shares(self) -> Array:
+    def magnitudes(self) -> Array:
         """(p,) the magnitudes of the numbers, 1 for those that are 0."""
         flat = jnp.abs(_as_vector(eqx.filter(self.field, eqx.is_inexact_array), float))
         return jnp.where(flat == 0, 1.0, flat)
 
-    def _by_shares(self, by_numbers: Any, dtype) -> Array:
-        return self.shares * _as_vector(by_numbers, dtype)
+    def _by_relative_change(self, by_numbers: Any, dtype) -> Array:
+        """(p,) derivatives with respect to relative changes of the numbers."""
+        return self.magnitudes * _as_vector(by_numbers, dtype)
 
     def state(self, z: Array) -> Array:
-        """The state (k,) alone; of a rate, the state's rate."""
+        """The state (k,) in a vector z, or its rate in the rate of z."""
         k, half = self.k, len(z) // 2
         if not self.position_only:
             return z[:k]
@@ -102,7 +105,7 @@ class _Backwards(eqx.Module):
         after, before = (self.state(InBranch(self, branch).rate(t, z)) for branch in (old, new))
         by_numbers, by_time, by_state = jax.grad(margin, (0, 1, 2))(numbers, t, y)
         weight = jnp.sum(adjoint * (after - before)) / (by_time + jnp.sum(by_state * before))
-        mu = mu + weight * self._by_shares(by_numbers, z.dtype)
+        mu = mu + weight * self._by_relative_change(by_numbers, z.dtype)
         return self.pack(y, adjoint + weight * by_state, mu)
 
     @property
@@ -158,7 +161,7 @@ def _as_vector(numbers: Any, dtype) -> Array:
 
 
 def _is_same_state(y: Array, z: Array, largest: Array) -> Array:
-    """Whether () two states are the same one, found in two ways; `largest` is the largest entry."""
+    """Whether () two results for one state agree; `largest` is the largest entry of the motion."""
     return jnp.max(jnp.abs(y - z)) <= _SAME_STATE * largest
 
 
@@ -214,12 +217,12 @@ def _gradients(found, slopes, perturbed, given, limits, method):
         adjoint, mu = carry
         late, y, early, by_early, there, inside = node
         start = system.pack(y, adjoint, mu)
-        # A switch at a node is passed by the piece that ends there, but none is at the start.
+        # A switch at a node is passed by the piece that ends there, except at the start.
         args = (system, start, late, early, ts[:0], limits, inside)
         end = flow_and_branches(*args, method=method)[0].y1
         adjoint, mu = system.unpack(end)
         if switches:
-            # A motion that slides on a surface does not return from it the way it came.
+            # A motion that came to slide on a surface is not retraced backwards in time.
             adjoint = jnp.where(_is_same_state(system.state(end), there, largest), adjoint, jnp.nan)
         return (adjoint + by_early, mu), None
 
@@ -239,4 +242,4 @@ def _gradients(found, slopes, perturbed, given, limits, method):
     rates = jax.vmap(lambda branch, t, y: rate_in(branch, field, t, y))(sampled, ts, ys)
     by_ts = jnp.sum(by_ys * rates, axis=-1)
     by_t0 = -jnp.sum(by_y0 * rate_in(first, field, t0, y0))
-    return tree(mu / system.shares), by_y0, by_t0, by_t1, by_ts
+    return tree(mu / system.magnitudes), by_y0, by_t0, by_t1, by_ts

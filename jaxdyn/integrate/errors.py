@@ -24,9 +24,10 @@ from jaxdyn.system import Record, differences
 
 # ---- The record of an error estimate, and differences of states in the units of their entries
 
-#: Distance of a promised digit from rounding, in spreads of two draws; 1 in 26 is wrong by more.
+#: Margin of a promised digit above the measured rounding, in spreads of two draws; 1 estimate in 26
+#: is wrong by more.
 ROUNDING_MARGIN = 5.0
-#: Entries below this part of what others move them by may be only rounding.
+#: Entries below this part of the change that others cause may be only rounding.
 _NOTHING = 1e-10
 
 
@@ -139,8 +140,8 @@ def scales(scene: Scene, ys: np.ndarray) -> np.ndarray:
 def _scales_of_kinds(field: Field, sizes: Array, y0: Array, t1: Array) -> Array:
     # Angles are not capped at a radian: differences are within a turn.
     kinds = field.groups._replace(most=(np.inf,) * len(y0))
-    sizes, moved = kinds.sizes(sizes), at_start(field, kinds, jnp.zeros(()), y0, t1)[0].sizes
-    sizes = jnp.where(sizes > _NOTHING * moved, sizes, moved)
+    sizes, caused = kinds.sizes(sizes), at_start(field, kinds, jnp.zeros(()), y0, t1)[0].sizes
+    sizes = jnp.where(sizes > _NOTHING * caused, sizes, caused)
     return jnp.where(sizes == 0, 1.0, sizes)
 
 
@@ -181,16 +182,16 @@ def rounding(
 
     It is the root mean square of the changes of the states by random perturbations of each step,
     scaled from perturbations large enough to be measured down to half a spacing of doubles. At each
-    time the largest perturbation counts with which motions stay close. Where none do, no digit is
-    certain and the scale itself is returned.
+    time the largest perturbation is used for which motions stay close. Where they never do, no
+    digit is certain and the scale itself is returned.
     """
     scale = scales(scene, ys)
     found = np.broadcast_to(scale, ys.shape).copy()
     known = np.zeros(len(ys), bool)
     for size in _PERTURBATIONS:
         noises = [Noise(np.asarray(size), np.asarray(draw, np.uint64)) for draw in range(draws)]
-        moved = [gaps(scene, np.asarray(run(scene, tolerance, noise).ys), ys) for noise in noises]
-        spread = np.sqrt(np.mean(np.square(moved), axis=0))
+        changes = [gaps(scene, np.asarray(run(scene, tolerance, noise).ys), ys) for noise in noises]
+        spread = np.sqrt(np.mean(np.square(changes), axis=0))
         close = np.logical_and.accumulate((spread / scale <= _MAX_LINEAR_GAP).all(axis=1))
         new = close & ~known
         found[new] = 0.5 * _EPS / size * spread[new]
@@ -303,7 +304,7 @@ def _estimate(
 def solve_to_digits(
     run: Run, scene: Scene, ts: Array, digits: float, solver: str, refuse: bool
 ) -> tuple[Any, Estimate]:
-    """The solution with this many digits at all times, or the best, and its estimate.
+    """The solution with this many digits at all times, or the best one, and its estimate.
 
     The tolerance starts at the requested error and is tightened by the estimated miss.
 
@@ -332,10 +333,10 @@ def solve_to_digits(
             floor = _rounding_limit(run, scene, solutions, digits)
         result, found = solutions.result, _estimate(solutions, scene, ts, floor, names)
         missed = float(np.max((found.error + ROUNDING_MARGIN * floor) / found.scale)) / wanted
-        short = found.most_digits < digits
-        if not (missed > 1 or short) or rtol <= FINEST:
+        beyond_limit = found.most_digits < digits
+        if not (missed > 1 or beyond_limit) or rtol <= FINEST:
             break
-        if short:  # then it is to be accurate for as long as possible
+        if beyond_limit:  # then the solution is to be accurate for as long as possible
             missed = max(missed, rtol / FINEST)
         rtol *= _AIM_RATIO / missed
     found = eqx.tree_at(lambda e: e.wanted, found, digits, is_leaf=lambda x: x is None)
@@ -359,9 +360,9 @@ def halve_steps(run: Run, scene: Scene, ts: Array, h: float, name: str) -> Estim
     the error of the first.
     """
     ys = [np.asarray(run(scene, np.array([h / n])).ys) for n in (1, 2, 4)]
-    moved = [np.abs(gaps(scene, a, b)).max() for a, b in itertools.pairwise(ys)]
+    changes = [np.abs(gaps(scene, a, b)).max() for a, b in itertools.pairwise(ys)]
     with np.errstate(divide="ignore", invalid="ignore"):
-        order = float(np.log2(moved[0] / moved[1]))
+        order = float(np.log2(changes[0] / changes[1]))
     falls = 1 - 4.0 ** -max(order, _MIN_ORDER)
     floor = rounding(run, scene, ys[2], np.array([h / 4]))
     error = _expected_error(np.abs(gaps(scene, ys[0], ys[2])) / falls, floor, ys[0], finer=1)
@@ -435,7 +436,7 @@ def _rounding_limit(
 
 
 def _expected_error(gap: np.ndarray, floor: np.ndarray, ys: np.ndarray, finer: int) -> np.ndarray:
-    """(s, k) expected size of the error of states `ys` that are a gap from the mean of finer ones.
+    """(s, k) expected error of states `ys` that differ by `gap` from the mean of finer ones.
 
     All have rounding errors of root mean square `floor`; the states `ys` also have the error of
     their tolerance, whose size follows from the gap. The error of the states is their share of

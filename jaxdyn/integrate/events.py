@@ -101,16 +101,16 @@ class Stop(eqx.Module):
 class Event(Record):
     """A function of time and state whose zero is the event."""
 
-    #: What it is called where it ends a phase and can be switched off, on a page on which the scene
-    #: runs: "impact on the table"; empty where the motion makes no sense without it.
+    #: The name of an event that ends a phase, on a page on which the scene runs and where the event
+    #: can be switched off: "impact on the table"; empty where no motion makes sense without it.
     called: ClassVar[str] = ""
 
     @abc.abstractmethod
     def value(self, t: Array, y: Array) -> Array:
-        """() the function; finite, and smooth but where its conditions change (`jnp.where`, ...).
+        """() the function; finite, and smooth except where its conditions (`jnp.where`) change.
 
-        Where it jumps over zero, the event happens at the jump, as that of an acceleration does
-        when a force is switched. Derivatives of the time are those of the condition.
+        If it jumps over zero, as an acceleration does when a force is switched, the event happens
+        at the jump. Derivatives of the time are then those of the time when the condition changes.
         """
 
     @property
@@ -211,13 +211,13 @@ def until(
     does not count as an event. If the value turns back, its return counts, however soon: at t0,
     if it takes less than the spacing of floating-point times. If the slope is within rounding of
     zero as well, the motion is leaving if the value changes its sign there, as y^3 does. If the
-    value does not, the event happens at t0 if it then goes in the wanted direction; if both
-    directions are wanted, it does not happen.
+    value keeps its sign, the event happens at t0 if the value then goes in the wanted direction; if
+    both directions are wanted, it does not happen.
 
-    A value that reaches zero and is held there, as the velocity of a block by friction, has crossed
-    it when it arrives. If it goes on to the other side later, nothing happens; if it returns, that
-    is a crossing back, when it is let go. So directions alternate, and what happens does not depend
-    on what follows. A motion that starts held has left the event, to whichever side it goes.
+    A value that reaches zero and is held there, as friction holds the velocity of a block, crosses
+    zero when it arrives. If it later goes on to the other side, no event happens; if it returns, it
+    crosses back when it is released. So directions alternate, and whether an event happens does not
+    depend on what follows. A motion that starts held has left the event, to whichever side it goes.
 
     Args:
       scene: system, effects, start.
@@ -237,10 +237,10 @@ def until(
       more than 4 roundings of the state, or of the value itself where it is computed with
       cancellation: (y - 1)^3 written out is known to 1e-5 of y. A pulse much shorter than a step,
       in a value that is smooth elsewhere, may be missed, since a step is sampled at five places
-      unless these leave room for a crossing; so may dips late in a step in which the value turns
-      near zero thousands of times. At a grazing contact derivatives are infinite, at a flat zero
-      NaN where value and slope are both exactly zero. An event within rounding of the end of the
-      span may count as after it: choose a later end. For the first event of many starts,
+      only, unless these leave room for a crossing; so may dips late in a step in which the value
+      turns near zero thousands of times. At a grazing contact derivatives are infinite, at a flat
+      zero NaN where value and slope are both exactly zero. An event within rounding of the end of
+      the span may count as after it: choose a later end. For the first event of many starts,
       ``orbits.section(scene, event, starts, crossings=1, t1=...)`` is many times faster than `vmap`
       of this search, without derivatives; the first of two events is the zero of their product.
     Example:
@@ -332,7 +332,7 @@ def _locate_jvp(primals, tangents, *, method, sides):
     def state(field, y0, t0):
         start, none = t0, jnp.zeros(0)
         if arrival is not None:
-            # While it is held, one branch shows no sizes to measure errors by.
+            # While the motion is held, one branch has no sizes by which errors are measured.
             start = jnp.where(arrival.ended >= 0, stop.t, 0.5 * (arrival.since + stop.t))
             start = jax.lax.stop_gradient(start)
             y0 = advance(field, y0, t0, start, none, limits).y1
@@ -366,7 +366,7 @@ def _search(
     y = jnp.where(fine, jnp.where(happened, found.y, out.y1), jnp.nan)
     event = jnp.where(happened & fine, found.event, -1)
     same = jnp.arange(len(events)) == event
-    if len(events) > 1:  # a look costs a fifth of a search's compile time
+    if len(events) > 1:  # this takes a fifth of a search's compile time
         direction = jnp.where(t1 > t0, 1.0, -1.0)
         same = same | (event >= 0) & coincident(field, events, y0, t0, t, y, direction)
     return Stop(t=t, y=y, event=event, status=found.status, coincident=same), arrival

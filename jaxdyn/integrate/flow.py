@@ -98,11 +98,12 @@ class Variational(eqx.Module):
 
         A tangent V moves the time of the switch by dt = -(dg V + dg/dp P) / (dg f + dg/dt), with g
         the margin of the condition that changes, and so becomes V + (f - f') dt, with f and f'
-        the rates before and after. What the field is made of may change the state itself.
+        the rates before and after. A wrapper within the field may also change the state itself.
         """
         moving, fixed = _split_like(self.field, self.directions)
         x = y[..., 0]
-        # Rates are continuous where sliding ends; those of tangents are not: their tangents jump.
+        # Where sliding ends the rate is continuous, but that of tangents is not: tangents of
+        # tangents jump there.
         bends = x.ndim > 1
         jumps = bends | (which < len(old.outcomes))
 
@@ -124,8 +125,8 @@ class Variational(eqx.Module):
         def along(direction, tangent):
             _, off = jax.jvp(margin, here, (direction, jnp.zeros_like(t), tangent))
             dt = jnp.where(jumps, -off / speed, 0.0)
-            _, moved = jax.jvp(change, here, (direction, dt, tangent + before * dt))
-            return moved - after * dt
+            _, changed = jax.jvp(change, here, (direction, dt, tangent + before * dt))
+            return changed - after * dt
 
         tangents = jax.vmap(along, in_axes=-1, out_axes=-1)(self.directions, y[..., 1:])
         return jnp.concatenate([at[..., None], tangents], axis=-1)
@@ -209,9 +210,9 @@ def flow(
     return flow_and_branches(field, y0, t0, t1, ts, limits, passes, method=method)[0]
 
 
-# Compiled within the rule of derivatives, not around it, and so is that rule: a derivative then
-# traces no plain solve besides its own, and several solves of a kind in one program are traced
-# once.
+# The function inside the derivative rule is compiled, not the one with the rule, and the rule is
+# compiled by itself: a derivative then traces no plain solve besides its own, and several solves of
+# a kind in one program are traced once.
 @eqx.filter_custom_jvp
 @functools.partial(jax.jit, static_argnames=("method", "sampled"))
 def flow_and_branches(
@@ -228,7 +229,7 @@ def flow_and_branches(
 ) -> tuple[SolveResult, Branches | None]:
     """The result of `flow`, and the branches of the motion; None where its rate has no conditions.
 
-    Those at the times ts are among them only where they are asked for. For `passes` see
+    Branches at the times ts are included only if they are asked for by `sampled`. For `passes` see
     `pieces.run_pieces`.
     """
     run = functools.partial(_march, method=method, sampled=sampled)
@@ -289,7 +290,7 @@ def rate_in(branch: Branch | None, field: Any, t: Array, y: Array) -> Array:
 # ---- The switch from the default method to another, where it turns out not to suit the motion
 #
 # A stiff motion starts again with an implicit method. Where a series or an extrapolation cannot go
-# on, as where exp(x) overflows in a rate that stays finite, the pair tries before a failure is
+# on, as where exp(x) overflows in a rate that stays finite, the pair is tried before a failure is
 # reported.
 
 #: Net number of steps limited by stability after which a motion starts again: fewer steps take less
@@ -317,7 +318,7 @@ def run_or_switch(
     If the default is not a pair and its steps collapse, the pair for its tangents takes over first.
 
     The motion then starts again: continuing from where the explicit method stopped would save the
-    steps so far, but take a second path for samples, events and failures.
+    steps so far, but need a second treatment of samples, events and failures.
 
     Args:
       run: takes `Limits`, and a `Method` as ``method``.

@@ -47,15 +47,16 @@ from jaxdyn.status import Status
 # seen becomes shorter. Parts that depend on time and state are checked likewise after a step, and
 # a step in which something may be hidden is rejected.
 
-#: Part of the size that a drive gives to an entry later: an entry that is smaller is at rest.
+#: An entry smaller than this part of the size that the forcing gives it later is at rest.
 _REST = 1e-6
-#: A span is halved so often to find where a drive begins: at the end of a half in which it is less
-#: than this part of what it becomes afterwards. Powers of time up to the ninth begin at its start.
+#: Number of halvings of a span in search of the beginning of the forcing. It begins in the second
+#: half if in the first its largest rate is less than this part of that in both. By this measure
+#: powers of time up to the ninth begin at the start.
 _HALVES, _FALL = 48, 1e-3
 
 
 class Lookahead(eqx.Module):
-    """How far a step may go, by the parts of a rate that depend on time alone.
+    """How far a step may go without passing over parts of a rate that depend on time alone.
 
     Attributes:
       plan: the plan of the rate.
@@ -87,21 +88,21 @@ class Lookahead(eqx.Module):
         """() the end of a step from t0 that goes up to t1 unless something may be hidden in it."""
         if not self.plan.hides:
             return t1
-        way = self.direction
-        seen = furthest_seen(self.plan, self.system, way * t0, way * t1, self.outcomes, self.sizes)
-        return jnp.where(way * seen == t1, t1, way * seen)
+        t0, end = self.direction * t0, self.direction * t1
+        seen = furthest_seen(self.plan, self.system, t0, end, self.outcomes, self.sizes)
+        return jnp.where(self.direction * seen == t1, t1, self.direction * seen)
 
 
-def _sizes_of_drives(look: Lookahead, t0: Array, t1: Array, y: Array, start: AtStart) -> AtStart:
-    """The start with sizes for entries at rest that a drive moves later in the span.
+def _sizes_of_forcing(look: Lookahead, t0: Array, t1: Array, y: Array, start: AtStart) -> AtStart:
+    """The start with sizes for entries at rest that a forcing moves later in the span.
 
     An entry without a size, or with a negligible one, gets a part of the change that the largest
     rate makes in the time of the motion; then the entries that it moves in turn get sizes in the
     same way. Relative to its own size, the beginning of a pulse would be resolved down to rounding.
 
-    The span may be a mere limit, up to which a drive such as t^4 grows far beyond the motion that
-    is asked for. So the rate is that of the span's half, its quarter and so on, until it has fallen
-    at once: in a shorter part the drive has not begun, or is rounding.
+    The span may be a mere limit, up to which a forcing such as t^4 grows far beyond the motion that
+    is asked for. So the largest rate is that in half the span, a quarter and so on, down to the
+    last part before it drops abruptly: in a shorter one the forcing has not begun, or is rounding.
     """
     ends = t0 + (t1 - t0) * 0.5 ** np.arange(_HALVES)
     low, high = jnp.minimum(t0, ends), jnp.maximum(t0, ends)
@@ -128,14 +129,14 @@ def look_from_start(
 
     Where only rounding moves a system at rest, no step of an explicit method is short enough to
     resolve that motion, so sizes are raised to what rounding does in the time of the motion. For a
-    stiff link, which reverses any motion at once, this would be far too much: methods that damp,
-    which do not resolve its vibrations, keep their sizes.
+    stiff link, which reverses any motion at once, this would be far too much: sizes are kept for
+    methods that damp, which do not resolve its vibrations.
     """
     driven = plan_of(without_wrappers(field), len(y0)).depends_on_time
     start = sizes_at_start(field, t0, y0, t1, driven=driven)
     look = lookahead(field, len(y0), t0, t1)
     if look is not None and look.plan.hides and y0.ndim == 1:
-        start = _sizes_of_drives(look, t0, t1, y0, start)
+        start = _sizes_of_forcing(look, t0, t1, y0, start)
     return start if method.damps else above_noise(start, tolerance), look
 
 
@@ -169,9 +170,9 @@ def lookahead(
 # one that ends there and is not continued from. So samples are as accurate as steps, they do not
 # change the steps, and the program contains only one step (with a second one for samples it
 # compiled half as long again, and its loop over stages ran two to five times slower than unrolled
-# stages). A series may find that a step to a sample is too long: it ends where it may, up to 1 %
-# from where it would have ended without the sample, and is continued from. The end of the motion
-# then changes by a part of the tolerance.
+# stages). A series may find that a step to a sample is too long: the step then ends earlier, up to
+# 1 % from where it would have ended without the sample, and is continued from. The end of the
+# motion then changes by a part of the tolerance.
 
 _CLOSE_ULPS = 100.0  # spacings from the end within which a step is too short; as in diffrax
 
@@ -192,12 +193,12 @@ class Samples(eqx.Module):
 
     @classmethod
     def empty(cls, ts: Array, t0: Array, y0: Array) -> "Samples":
-        """The samples before the run: those at the start are known, those before it are over."""
+        """The samples before the run: those at the start are known, earlier times are passed."""
         rows = (ts == t0).reshape(-1, *[1] * y0.ndim)
         return cls(jnp.sum(ts <= t0), jnp.where(rows, y0[None], jnp.nan), t0)
 
     def take(self, ts: Array, t: Array, y: Array) -> "Samples":
-        """The samples with the state at t. Earlier times not yet reached were out of order: NaN."""
+        """The samples with the state at t; earlier times, which were out of order, get NaN."""
 
         def reached(samples: Samples) -> Array:
             return (samples.next < len(ts)) & (samples._time(ts) <= t)
@@ -210,7 +211,7 @@ class Samples(eqx.Module):
         return jax.lax.while_loop(reached, put, self)
 
     def towards(self, ts: Array, t0: Array, aim: Array) -> tuple["Samples", Array]:
-        """The samples for a step from t0 to `aim`, and where to go first."""
+        """The samples for a step from t0 to `aim`, and where a first step should end."""
         t = self._time(ts)
         within = (self.next < len(ts)) & (t0 < t) & (t < aim)
         return Samples(self.next, self.ys, aim), jnp.where(within, t, aim)
@@ -241,7 +242,7 @@ class Watch(Record):
     def towards(self, direction: Array) -> "Watch":
         """The same for a run in this direction of time: `see` gets direction * t.
 
-        By default it is the value of the watch's field ``direction``.
+        By default this sets the watch's field ``direction``.
         """
         return dataclasses.replace(self, direction=direction)
 
@@ -304,8 +305,8 @@ class StepAttempt(NamedTuple):
 class ObservedControl(eqx.Module):
     """What adaptive and fixed steps share: samples, a watch, a step limit, the end.
 
-    The limit is not diffrax's `max_steps`, which is a constant of the compiled program. The end is
-    not diffrax's either: it halves the step before the end after each one not continued from.
+    The limit is not diffrax's `max_steps`, which is a constant of the compiled program. Nor is the
+    end left to diffrax, which halves the step before it after each one not continued from.
 
     Attributes:
       ts: (s,) requested times in the direction of integration; (0,) for none.
@@ -313,8 +314,8 @@ class ObservedControl(eqx.Module):
       limit: (2,) maximum number of all steps, and of those that stability limits; and () the end of
         the span that must be reached within it. None where steps are counted, and the run is ended,
         elsewhere.
-      look: how far a step may go without missing brief parts of the rate, if these limit it.
-      max_step: () how far it may go by request, if that is limited.
+      look: how far a step may go without missing brief parts of the rate; None for any distance.
+      max_step: () length of the longest step by request; None if there is no such limit.
     """
 
     ts: Array = eqx.field(kw_only=True)
@@ -331,7 +332,7 @@ class ObservedControl(eqx.Module):
         return dataclasses.replace(self, ts=ts, watch=watch, limit=limit, look=look)
 
     def _begin(self, t0: Array, y0: Array, t1: Array) -> tuple[Array, Seen]:
-        """Where the first step goes, if it may go to t1, and the memory before it."""
+        """The end of the first step, which may not go beyond t1, and the memory before it."""
         memory = None if self.watch is None else self.watch.start(t0, y0)
         steps = None if self.limit is None else jnp.asarray(0)  # weak, as in diffrax
         samples = Samples.empty(self.ts, t0, y0)
@@ -378,7 +379,7 @@ class ObservedControl(eqx.Module):
             (most, end), steps = self.limit, steps + jnp.where(tried.fine & tried.sampling, 0, 1)
             arrived = keep & (t1 >= end)
             over = steps >= most[0]
-            if limited is not None:  # the count of a step that is not kept does not count
+            if limited is not None:  # a step that is not kept does not change the count
                 over = over | (keep & (limited >= most[1].astype(float)))
             over = over & ~arrived & (result == diffrax.RESULTS.successful)
             result = diffrax.RESULTS.where(over, diffrax.RESULTS.max_steps_reached, result)
@@ -387,7 +388,7 @@ class ObservedControl(eqx.Module):
 
 
 def clip(t: Array, end: Array) -> Array:
-    """The time t, or the end where that is closer than a step can be."""
+    """The time t, or the end if t is beyond it or closer to it than a step can be."""
     close = _CLOSE_ULPS * jnp.finfo(t.dtype).eps * jnp.abs(end)
     return jnp.where(t > end - close, end, t)
 
@@ -401,9 +402,9 @@ def clip(t: Array, end: Array) -> Array:
 # times.
 
 _SHRINK, _GROW = 0.2, 8.0  # limits of one change of step
-#: A method that can predict how long a step may be is offered this factor times that length as its
-#: next step; a step that was nevertheless too long is repeated with the second factor. (To compute
-#: a power of the error instead would take a tenth of the time of a step.)
+#: A method that can predict how long a step may be gets this factor times that length as its next
+#: step; a step that is nevertheless too long is repeated with the second factor. (A power of the
+#: error would take a tenth of the time of a step to compute.)
 _PROPOSED, _TOO_LONG = 1.3, 0.5
 _MIN_STEP_ULPS = 8.0  # a step shorter than this many spacings of t is meaningless
 _MIN_FIXED_STEP_ULPS = 1000.0  # likewise for fixed steps
@@ -466,7 +467,7 @@ class StepControl(ObservedControl, diffrax.AbstractStepSizeController):
 
     def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
         del terms, dt0, args, func, error_order
-        # A step shorter than the spacing of times would be none, and nor would any after it.
+        # A step shorter than the spacing of times would not advance, nor would any after it.
         tnext = t0 + jnp.maximum(self.first, _MIN_STEP_ULPS * _spacing(t0))
         # A NaN rate gives a NaN step; the run must still end.
         tnext = jnp.where(jnp.isfinite(tnext), tnext, t1)
@@ -508,10 +509,10 @@ class StepControl(ObservedControl, diffrax.AbstractStepSizeController):
 
 
 def first_step(method: Method, tolerance: Array, start: AtStart, y0: Array) -> Array:
-    """() length of the first step, if its error is about a power of its length in times.
+    """() length of the first step, if its error is about a power of its length per time scale.
 
-    The time is that of the motion, or that of the fastest change of an entry by its size, whichever
-    is shorter.
+    The time scale is that of the motion, or the time in which the fastest entry changes by its
+    size, whichever is shorter.
 
     Args:
       method: takes a tolerance.

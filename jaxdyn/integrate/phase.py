@@ -32,7 +32,8 @@ from jaxdyn.status import Status
 END = "end"
 
 _ZERO_ROUNDINGS = 64  # units in the last place of all inputs within which a value counts as zero
-#: Part of a state's largest entry: projection moves a state on the surface by no more.
+#: Largest change by projection of a state that counts as on the constraint surface, as a part of
+#: its largest entry.
 _MAX_PROJECTION = 1e-10
 
 
@@ -112,12 +113,12 @@ class Phase(Record):
     @property
     def events(self) -> tuple[Event, ...]:
         """The events of its exits."""
-        return tuple(way.event for way in self.exits)
+        return tuple(exit_.event for exit_ in self.exits)
 
     @property
     def sides(self) -> tuple[int, ...]:
         """The sides of its exits."""
-        return tuple(way.side for way in self.exits)
+        return tuple(exit_.side for exit_ in self.exits)
 
     def fit(self, t: Array, y: Array) -> Fit:
         """How a state (k,) fits this phase at a time."""
@@ -154,18 +155,21 @@ def _beyond(field: Field, bounds: tuple[Event, ...], near: Array, t: Array, y: A
     slope_noise = jnp.abs(jnp.append(by_state, by_time[:, None], axis=1)) @ size
     slope_noise = slope_noise + rows @ jnp.append(jnp.abs(rate), 1.0)  # rounding of its terms
     rounding = _ZERO_ROUNDINGS * jnp.finfo(y.dtype).eps
-    at, way = near * values(bounds, t, y), near * slopes(t, y)
-    return at < -rounding * noise, (
-        (jnp.abs(at) <= rounding * noise) & (way < -rounding * slope_noise)
+    value, slope = near * values(bounds, t, y), near * slopes(t, y)
+    return value < -rounding * noise, (
+        (jnp.abs(value) <= rounding * noise) & (slope < -rounding * slope_noise)
     )
 
 
 def _sensitivities(bound: Event, t: Array, y: Array) -> tuple[Array, Array]:
-    """(k + 1,) magnitudes of a value's derivatives by state and time, () by parameters."""
+    """(k + 1,) magnitudes of a value's derivatives by state and time, () by all parameters.
+
+    The latter is with respect to relative changes of the parameters.
+    """
     slopes = eqx.filter_grad(lambda b: b[0].value(*b[1:]))((bound, t, y))
     floats = eqx.filter(bound, eqx.is_inexact_array)
-    moved = jax.tree.map(lambda slope, x: jnp.sum(jnp.abs(slope * x)), slopes[0], floats)
-    return jnp.abs(jnp.append(slopes[2], slopes[1])), sum(jax.tree.leaves(moved), jnp.zeros(()))
+    changes = jax.tree.map(lambda slope, x: jnp.sum(jnp.abs(slope * x)), slopes[0], floats)
+    return jnp.abs(jnp.append(slopes[2], slopes[1])), sum(jax.tree.leaves(changes), jnp.zeros(()))
 
 
 class HybridTrajectory(eqx.Module, Motion):
@@ -216,7 +220,7 @@ class HybridTrajectory(eqx.Module, Motion):
 
     @property
     def times(self) -> tuple[float, ...]:
-        """End time of each phase [s], including what the change of its exit lasts."""
+        """End time of each phase [s], including the duration of the change at its exit."""
         starts = [float(piece.ts[0]) for piece in self.pieces]
         failed = self.status not in (Status.OK, Status.PHASE_LIMIT)
         return (*starts[1:], float(self.pieces[-1].ts[-1] if failed else self.t))

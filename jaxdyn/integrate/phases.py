@@ -30,7 +30,7 @@ from jaxdyn.scene import check_scene
 from jaxdyn.solvers import Solver
 from jaxdyn.status import Status
 
-#: A ball that comes to rest on a shaken table once in a period needs some 30 phases for each.
+#: A ball that comes to rest on a shaken table once in each period needs some 30 phases per period.
 MAX_PHASES = 1000
 
 
@@ -172,7 +172,7 @@ def _run_phase(phase: Phase, t: Array, y: Array, t1, samples, options: SolverOpt
     if beyond.any():
         end, at, exits, status = t, y, (int(np.argmax(beyond)),), Status.OK
     else:
-        # It is on the near side of every bound, to rounding, and is passed on as known to be so.
+        # The state is on the near side of every bound, to rounding, and the search takes that side.
         stop = stop_of(scene, phase.events, t1, t, options, phase.sides)
         also = np.asarray(stop.coincident) & (np.asarray(phase.sides) == 0)
         others = [int(i) for i in np.flatnonzero(also) if i != stop.event]
@@ -210,19 +210,19 @@ def _cut_at_bound(phase: Phase, piece: Trajectory) -> Trajectory:
 
 def _take_exit(phases: Mapping[str, Phase], here: str, number: int, t: Array, y: Array):
     """Time, state and name of the phase after an exit of the phase `here`."""
-    way = phases[here].exits[number]
-    t, y = t + way.lasts(t, y), way.change(t, y)
-    return t, y, way.names[int(_next_phase(phases, here, way, t, y))]
+    exit_ = phases[here].exits[number]
+    t, y = t + exit_.lasts(t, y), exit_.change(t, y)
+    return t, y, exit_.names[int(_next_phase(phases, here, exit_, t, y))]
 
 
-def _next_phase(phases: Mapping[str, Phase], here: str, way: Exit, t: Array, y: Array):
-    """Index () of the phase that follows an exit of the phase `here`, among `way.names`."""
-    if way.choose is not None:
-        return way.choose(t, y)
-    if len(way.names) == 1:
+def _next_phase(phases: Mapping[str, Phase], here: str, exit_: Exit, t: Array, y: Array):
+    """Index () of the phase that follows an exit of the phase `here`, among `exit_.names`."""
+    if exit_.choose is not None:
+        return exit_.choose(t, y)
+    if len(exit_.names) == 1:
         return 0
-    left = np.array([name == here for name in way.names])
-    return _first_fit([phases.get(name) for name in way.names], t, y, left)
+    left = np.array([name == here for name in exit_.names])
+    return _first_fit([phases.get(name) for name in exit_.names], t, y, left)
 
 
 def _first_fit(candidates: Sequence[Phase | None], t: Array, y: Array, left=False) -> Array:
@@ -268,7 +268,7 @@ def follow(
     before, others = None, False  # events simultaneous with the last exit
     for i, (name, number) in enumerate(path):
         phase = phases[name]
-        way = phase.exits[number]
+        exit_ = phase.exits[number]
         now = phase.fit(t, y).beyond | (others if name == before else False)
         at_once = now.any()
         scene, options = phase.scene.starting(y, t1), SolverOptions(rtol=rtol)
@@ -277,10 +277,10 @@ def follow(
         as_expected = jnp.where(at_once, jnp.argmax(now), stop.event) == number
         unbounded = (np.array(phase.sides) == 0) & (np.arange(len(phase.exits)) != number)
         before, others = name, jnp.where(at_once, now, stop.coincident) & unbounded
-        t, y = t + way.lasts(t, y), way.change(t, y)
+        t, y = t + exit_.lasts(t, y), exit_.change(t, y)
         if i + 1 < len(path):
-            following = way.names.index(_checks.choice("path", path[i + 1][0], way.names))
-            as_expected = as_expected & (_next_phase(phases, name, way, t, y) == following)
+            following = exit_.names.index(_checks.choice("path", path[i + 1][0], exit_.names))
+            as_expected = as_expected & (_next_phase(phases, name, exit_, t, y) == following)
         t, y = nan_unless(as_expected, t), nan_unless(as_expected, y)
         if not _checks.is_traced(as_expected) and not as_expected:
             break  # a start of NaN would raise
@@ -315,6 +315,6 @@ def _check_names(phases: Mapping[str, Phase]) -> None:
             raise _checks.fail(
                 f"exits of {name}", "a tuple", got, "Write (exit,) for a single one."
             )
-        for way in phase.exits:
-            for to in way.names:
+        for exit_ in phase.exits:
+            for to in exit_.names:
                 _checks.choice(f"exit of {name}", to, (*phases, END))

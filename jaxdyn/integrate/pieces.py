@@ -2,8 +2,8 @@
 
 Steps end where a condition of the rate changes (`jaxdyn.plan`): at times found ahead from bounds
 where it depends on time alone, at events of the motion where it depends on the state. Each piece is
-integrated as if the other branches did not exist, so methods keep their order. On a surface that
-pushes the motion back from both sides it slides. Tangents pass a switch by the saltation matrix.
+integrated as if the other branches did not exist, so methods keep their order. A motion slides on a
+surface that pushes it back from both sides. Tangents pass a switch by the saltation matrix.
 """
 
 import functools
@@ -33,26 +33,27 @@ _MARGIN_ROUNDINGS = 64
 _MOST_STALLED, _NO_PROGRESS = 200, 1e-11
 #: Largest depth of conditions within conditions whose outcomes are found anew after a switch.
 _DEEPEST = 3
-#: Sine of the angle between the normals of one surface, where two conditions change on it.
+#: Largest sine of the angle between the normals of two conditions that change on one surface.
 _PARALLEL = 1e-6
-#: Number of surfaces that are crossed one by one, and the part of a tangent by which the results of
-#: two orders may differ.
+#: Largest number of surfaces that are crossed one by one, and the part of a tangent by which the
+#: results of two orders of crossing may differ.
 _MOST_CROSSED, _SAME = 32, 1e-6
-#: Tolerances of a step, in parts of the span, by which the time of a switch is known: up to this
-#: one, and after the start or before the end by less, it happens there.
+#: The time of a switch is known to this number of relative tolerances of a step times the span,
+#: with tolerances up to the second number. A switch closer than that to the start or the end
+#: happens there.
 _TIMES_KNOWN, _COARSEST_KNOWN = 16, 1e-10
-#: Part of the rate by which the sum of the jumps at several surfaces may miss the jump at all.
+#: Part of the rate by which the sum of the jumps at several surfaces may miss that across them all.
 _MISFIT = 1e-9
 
 
 class Arrival(NamedTuple):
-    """The last piece of a motion that has a length.
+    """The last piece of a motion with a length other than zero.
 
     Attributes:
       since: () the time at which it began.
       branch: its branch.
-      ended: () number of the margin that ended it, where the motion rested on an event that it left
-        there; else -1. See `InBranch.change`.
+      ended: () number of the margin that ended it, if an event rested during it and was left at its
+        end; else -1. See `InBranch.change`.
     """
 
     since: Array
@@ -68,8 +69,8 @@ class Branches(NamedTuple):
     have the tangents of the whole, also where the last ends at the start of the first.
 
     Attributes:
-      last: the one at the end: on a surface the one behind it, or before it if that was asked for.
-      sampled: (s, ...) those at the samples; None where they were not asked for.
+      last: the one at the end: on a surface the one behind it, or before it if that is asked for.
+      sampled: (s, ...) those at the samples; None if they are not asked for.
     """
 
     last: Branch
@@ -114,8 +115,8 @@ class Margins(eqx.Module):
 
     Attributes:
       field: the field in the branch.
-      beyond: (e + 2 w,) by how much each is beyond zero where the piece begins, by rounding.
-      plan: the plan of its rate.
+      beyond: (e + 2 w,) by how much rounding puts each beyond zero where the piece begins.
+      plan: the plan of the field's rate.
     """
 
     field: InBranch
@@ -152,20 +153,20 @@ class _Run(NamedTuple):
       crossed: (e,) conditions that have just changed.
       left: () number of the margin that has just ended the sliding on a surface, see
         `InBranch.margins`; else -1.
-      known: (e,) conditions whose outcomes are known, though the state is on their surface.
+      known: (e,) conditions whose outcomes are known although the state is on their surface.
       old: the branch of the last piece.
       result: the result of all pieces so far.
       event: () index of the event that ended it, -1 for none.
-      towards: () sign of the value of that event after it.
-      begun: () whether there was a piece.
+      towards: () sign of the value of that event afterwards.
+      begun: () whether there has been a piece.
       sides: (E,) signs of the values of the events at t, or before where they are within rounding
         of zero; 0 where they are not known.
       before: what the motion has shown so far.
-      stalled: () number of the last pieces in which it hardly moved.
-      kinked: (...) for each tangent, whether the motion has none, see `_Pieces._across`.
+      stalled: () number of pieces in a row, up to now, in which time has hardly advanced.
+      kinked: (...) for each tangent, whether it does not exist, see `_Pieces._across`.
       arrival: how it has come to t.
       passed: () whether it has passed a switch at its end.
-      sampled: (s, ...) its branches at the samples so far; None where they are not asked for.
+      sampled: (s, ...) its branches at the samples so far; None if they are not asked for.
       rested: (E,) whether the values of the events rested in the last piece, see `resting`.
     """
 
@@ -217,7 +218,7 @@ def run_pieces(
       sides: the sides of the events, see `first_crossing`.
       method: an adaptive one.
       passes: whether tangents pass a switch at the end, see `Branches`.
-      sampled: whether the branches at the times ts are asked for.
+      sampled: whether to return the branches at the times ts.
     """
     work = _Pieces.of(field, events, t0, t1, ts, limits, sides, len(y0), method, passes)
     run = jax.lax.while_loop(work.goes_on, work.piece, work.start(y0, sampled=sampled))
@@ -225,7 +226,7 @@ def run_pieces(
     y1 = jnp.where(right & ~run.kinked[None], run.y, jnp.nan)
     happened = run.event >= 0
     crossing = Crossing(
-        t=jnp.where(happened, run.t, work.way * jnp.inf),
+        t=jnp.where(happened, run.t, work.direction * jnp.inf),
         y=state_of(run.y),
         event=jnp.maximum(run.event, 0),
         status=run.result.status,
@@ -274,7 +275,7 @@ class _Pieces(NamedTuple):
     ts: Array
     limits: Limits
     sides: Sides
-    way: Array
+    direction: Array
     method: Method
     passes: bool | Array
 
@@ -282,14 +283,15 @@ class _Pieces(NamedTuple):
     def of(cls, field, events, t0, t1, ts, limits, sides, k: int, method, passes) -> "_Pieces":
         """The same for a state of k entries."""
         system = without_wrappers(field)
-        way = jnp.where(t1 >= t0, 1.0, -1.0)
+        direction = jnp.where(t1 >= t0, 1.0, -1.0)
         plan = plan_of(system, k)
-        return cls(plan, field, system, events, t0, t1, ts, limits, sides, way, method, passes)
+        shared = t0, t1, ts, limits, sides, direction, method, passes
+        return cls(plan, field, system, events, *shared)
 
     def begin(self, y0: Array) -> tuple[_Run, Array]:
-        """The motion before its first piece, and whether () its rate is left open.
+        """The motion before its first piece, and whether () its branch is ambiguous.
 
-        It has shown nothing of itself, and asks for no branches.
+        It has no history, and no branches at samples.
         """
         zero, none = jnp.zeros((), int), jnp.zeros(self.plan.size, bool)
         rate, first = self.plan.evaluate(self.system, self.t0, state_of(y0))
@@ -331,9 +333,9 @@ class _Pieces(NamedTuple):
         return run._replace(branch=branch, arrival=arrival), ambiguous
 
     def behind(self, run: _Run) -> Branch:
-        """The first branch of a motion; of one that starts just before a surface, that behind it.
+        """The first branch of a motion, or that behind a surface if it starts just before one.
 
-        So it is for tangents, see `_after_switch`.
+        This is the one for tangents, see `_after_switch`.
         """
         if not self.plan.on_state:
             return run.branch
@@ -350,7 +352,7 @@ class _Pieces(NamedTuple):
         """The motion before its first piece."""
         run, ambiguous = self.begin(y0)
         # The first piece may be too short to show how large the motion becomes. On a surface where
-        # a force jumps, the rate in the branch does not, and the jump is not taken for rounding.
+        # a force jumps, the rate in one branch does not, so the jump is not taken for rounding.
         here, tolerance = in_branch(self.field, run.branch), self.limits.tolerance
         known, _ = look_from_start(here, self.t0, y0, self.t1, tolerance, self.method)
         run = run._replace(before=History(known.sizes, jnp.zeros(())))
@@ -361,11 +363,12 @@ class _Pieces(NamedTuple):
 
     def goes_on(self, run: _Run) -> Array:
         """Whether another piece follows."""
-        unfinished = (self.way * run.t < self.way * self.t1) | self._is_before_switch(run)
+        unfinished = self.direction * run.t < self.direction * self.t1
+        unfinished = unfinished | self._is_before_switch(run)
         return unfinished & (run.event < 0) & (run.result.status == Status.OK)
 
     def _is_before_switch(self, run: _Run) -> Array:
-        """Whether () tangents at the end have to pass a switch, in a piece of no length."""
+        """Whether () tangents at the end still have to pass a switch, in a piece of length zero."""
         if not hasattr(self.field, "jump"):
             return jnp.zeros((), bool)
         in_time = jnp.asarray(self.plan.of_time) & (run.branch.outcomes != run.old.outcomes)
@@ -374,7 +377,7 @@ class _Pieces(NamedTuple):
 
     @property
     def _known(self) -> Array:
-        """() the time up to which that of a switch is known."""
+        """() the accuracy to which the time of a switch is known."""
         eps = jnp.finfo(float).eps
         step = jnp.clip(self.limits.tolerance[0], eps, _COARSEST_KNOWN)
         span, last = jnp.abs(self.t1 - self.t0), jnp.maximum(jnp.abs(self.t0), jnp.abs(self.t1))
@@ -392,9 +395,10 @@ class _Pieces(NamedTuple):
         now = jnp.where(self.goes_on(run), now, run.t)
         used = run.result.steps + run.result.rejected
         limits = self.limits.with_steps(self.limits.max_steps[0] - used)
-        moved = self._move(branch, run, y, now, limits)
-        found, end, y_end, index, towards, sizes, sides, rests = moved
-        within = (self.way * self.ts > self.way * run.t) & (self.way * self.ts <= self.way * end)
+        piece = self._move(branch, run, y, now, limits)
+        found, end, y_end, index, towards, sizes, sides, rests = piece
+        ts = self.direction * self.ts
+        within = (ts > self.direction * run.t) & (ts <= self.direction * end)
         rows = within.reshape(-1, *[1] * y.ndim)
         step = jnp.abs(end - run.t) / jnp.maximum(found.steps, 1)
         slow = jnp.abs(end - run.t) <= _NO_PROGRESS * jnp.abs(self.t1 - self.t0)
@@ -410,7 +414,7 @@ class _Pieces(NamedTuple):
         )
         event = jnp.where(index < len(self.events), index, -1)
         margin = index - len(self.events)
-        over = self.way * end >= self.way * self.t1
+        over = self.direction * end >= self.direction * self.t1
         following, crossed, known = self._switch(branch, end, state_of(y_end), margin, over)
         reached = _Run(
             t=end,
@@ -429,7 +433,7 @@ class _Pieces(NamedTuple):
             stalled=stalled,
             kinked=kinked,
             arrival=self._arrival(run, end, over),
-            passed=self.way * run.t >= self.way * self.t1,
+            passed=self.direction * run.t >= self.direction * self.t1,
             sampled=_in_rows(within, branch, run.sampled),
             rested=rests,
         )
@@ -437,7 +441,7 @@ class _Pieces(NamedTuple):
 
     def _arrival(self, run: _Run, end: Array, over: Array) -> Arrival:
         """How the motion arrives at the end of a piece."""
-        # A piece that a switch at the very end leaves over is none that arrives.
+        # What is left after a switch at the very end is not the piece by which the motion arrives.
         rest = ~jnp.asarray(self.passes) & run.crossed.any() & over
         rest = (end == run.t) | (rest & (jnp.abs(end - run.t) <= self._known))
         new = Arrival(run.t, run.branch, jnp.asarray(-1))
@@ -448,7 +452,7 @@ class _Pieces(NamedTuple):
         # The branch is kept from piece to piece, never found twice: XLA computes a sine anew for
         # each of its uses, in several ways, and at a switch two of them may have different signs.
         branch, ambiguous = self._settle(reached)
-        # Where the motion is over, what would follow need not be known, or is known already.
+        # Where the motion is over, the branch that would follow is not needed, or is known already.
         stays = (ambiguous & over) | reached.passed
         reached = reached._replace(
             branch=jax.tree.map(lambda old, new: jnp.where(stays, old, new), reached.old, branch),
@@ -460,7 +464,7 @@ class _Pieces(NamedTuple):
         return _end_if_ambiguous(reached, ambiguous & self.goes_on(reached))
 
     def _leaving(self, run: _Run) -> _Run:
-        """The motion, ended by an event on which it has rested and which it leaves."""
+        """The motion, ended if it leaves an event on which it has rested."""
         t, y, field = run.t, state_of(run.y), InBranch(self.system, run.branch)
         leaves, sides = resting.leaves(self.events, field, run.old, self.plan, t, y)
         leaves &= run.rested & (sides != 0) & self.goes_on(run)
@@ -478,15 +482,16 @@ class _Pieces(NamedTuple):
         """The time `now`, or the first after t at which a step ends by request."""
         if not len(self.limits.breaks):
             return now
-        after = self.way * jnp.asarray(self.limits.breaks)
-        first = jnp.min(jnp.where(after > self.way * t, after, jnp.inf))
-        return self.way * jnp.minimum(first, self.way * now)
+        after = self.direction * jnp.asarray(self.limits.breaks)
+        first = jnp.min(jnp.where(after > self.direction * t, after, jnp.inf))
+        return self.direction * jnp.minimum(first, self.direction * now)
 
     def _move(self, branch: Branch, run: _Run, y: Array, now: Array, limits: Limits):
         """A piece up to a time: result, end, state there, the event that ended it, its side.
 
         The last results are the sizes of the motion, the sides of the events at the end, and
-        whether they rest. The sides are kept from piece to piece: an event may happen at its end.
+        whether they rest. The sides are kept from piece to piece: an event may happen where a piece
+        ends.
         """
         t, here = run.t, in_branch(self.field, branch)
         options = {"method": self.method, "before": run.before}
@@ -545,7 +550,8 @@ class _Pieces(NamedTuple):
     def _begins_on(self, events: tuple, run: _Run) -> Array | bool:
         """(E + margins,) whether a piece may begin on each event, with those of its conditions.
 
-        Where a value is beyond zero by more than rounding just after a switch, it has jumped there.
+        It may not where a value is beyond zero by more than rounding just after a switch: the value
+        has jumped there.
         """
         if not events:
             return True
@@ -562,7 +568,7 @@ class _Pieces(NamedTuple):
         return [jnp.broadcast_to(jnp.asarray(side, float), count(event)) for event, side in pairs]
 
     def _switch(self, branch: Branch, t: Array, x: Array, index: Array, near: Array | bool):
-        """The branch after a condition has changed, and which are crossed and which are known.
+        """The branch after a condition has changed, and which conditions are crossed and known.
 
         Args:
           branch: the branch before.
@@ -579,7 +585,7 @@ class _Pieces(NamedTuple):
         rate = InBranch(self.system, branch).rate(t, x)
         along = by_time + jnp.sum(rows * rate[None], 1)
         noise = self._noise(t, x, by_time, rows)
-        left = jnp.where(self.way * along < 0, jnp.abs(here.margins / along), jnp.inf)
+        left = jnp.where(self.direction * along < 0, jnp.abs(here.margins / along), jnp.inf)
         left = jnp.where(jnp.asarray(self.plan.of_time) | branch.surface, jnp.inf, left)
         soon = near & (index < 0) & (jnp.min(left) <= self._known)
         index = jnp.where(soon, jnp.argmin(left), index)
@@ -590,11 +596,11 @@ class _Pieces(NamedTuple):
         noise = noise + jnp.abs(along) * (
             off + _MARGIN_ROUNDINGS * jnp.finfo(x.dtype).eps * jnp.abs(t)
         )
-        falls = (jnp.abs(here.margins) <= noise) & (self.way * along < 0)
+        falls = (jnp.abs(here.margins) <= noise) & (self.direction * along < 0)
         together = falls & ~jnp.asarray(self.plan.of_time) & ~branch.surface
         changed = (index >= 0) & (index < e)
         crossed = jnp.where(changed, own | together, False)
-        # The weights of one side of the surfaces are numbered after the conditions, then the other.
+        # Numbers after those of the conditions are weights behind the surfaces, then before them.
         row = (index - e) % max(self.plan.most_surfaces, 1)
         left = (index >= e) & (jnp.arange(self.plan.most_surfaces) == row)
         leaves = (branch.surfaces & left[:, None]).any(0)
@@ -611,7 +617,7 @@ class _Pieces(NamedTuple):
         """The branch of the next piece: outcomes at its start, and surfaces on which it slides.
 
         Returns:
-          The branch, and whether () its rate is left open.
+          The branch, and whether () it is ambiguous.
         """
         t, x, of_time = run.t, state_of(run.y), jnp.asarray(self.plan.of_time)
 
@@ -635,10 +641,10 @@ class _Pieces(NamedTuple):
         return self._decide(t, x, outcomes, jnp.where(undecided, before, outcomes), undecided)
 
     def _decide(self, t: Array, x: Array, outcomes: Array, before: Array, undecided: Array):
-        """The branch of a motion on some surfaces, and whether its rate is left open.
+        """The branch of a motion on some surfaces, and whether () it is ambiguous.
 
-        On each surface it goes on, returns, or slides. The decisions are repeated from the side
-        that they lead to, where none may change any more.
+        At each surface the motion goes on, returns, or slides. The decisions are repeated on the
+        side to which they lead; in the last round none may change.
 
         Args:
           t: () time.
@@ -652,7 +658,7 @@ class _Pieces(NamedTuple):
         def decide(_, found):
             outcomes, before, *_ = found
             balance = InBranch(self.system, Branch(outcomes, before, own)).balance(t, x)
-            weights = balance.settle(self.way)
+            weights = balance.settle(self.direction)
             returns = own & (weights >= 1)[:, None]
             surfaces = own & ((weights > 0) & (weights < 1))[:, None]
             back = returns.any(0)
@@ -671,7 +677,7 @@ class _Pieces(NamedTuple):
         branch = Branch(outcomes, jnp.where(surfaces.any(0), before, outcomes), surfaces)
         if len(own) == 1:
             return branch, never
-        # Weights of their own require that the jumps add up.
+        # That each surface has a weight of its own requires that the jumps add up.
         rate = InBranch(self.system, branch).side(t, x, branch.before)[0]
         adds_up = jnp.all(jnp.abs(rate - mean) <= _MISFIT * size)
         return branch, changes | (several & ~adds_up)
@@ -679,19 +685,18 @@ class _Pieces(NamedTuple):
     def _surfaces(
         self, t: Array, x: Array, outcomes: Array, undecided: Array, rows: np.ndarray
     ) -> Array:
-        """(w, e) the conditions that change on the same surface as each of some.
+        """(w, e) which conditions change on the same surface as each of w conditions.
 
         Args:
           t: () time.
           x: (k,) state, on all the surfaces.
           outcomes: (e,) outcomes there.
           undecided: (e,) conditions that change there.
-          rows: (w,) numbers of conditions; of those on one surface the first has all others, and
-            those after it have none.
+          rows: (w,) numbers of these conditions; of several on one surface the row of the first has
+            all of them, and the rows of the others are empty.
         """
-        each = undecided[None] & (rows[:, None] == np.arange(self.plan.size))
         if self.plan.size < 2:
-            return each
+            return undecided[None] & (rows[:, None] == np.arange(self.plan.size))
         by_time, normals = self._slopes(t, x, outcomes)
         normals = jnp.concatenate([normals, by_time[:, None]], 1)
         alike = _are_parallel(jnp.where(undecided[:, None], normals, 0.0))
@@ -709,25 +714,25 @@ class _Pieces(NamedTuple):
 
     @staticmethod
     def _noise(t: Array, x: Array, by_time: Array, rows: Array) -> Array:
-        """(e,) the size up to which a margin may be rounding."""
+        """(e,) the size up to which a margin may be only rounding."""
         size = jnp.sum(jnp.abs(rows * x[None]), 1) + jnp.abs(t * by_time)
         return _MARGIN_ROUNDINGS * jnp.finfo(x.dtype).eps * jnp.where(jnp.isfinite(size), size, 0.0)
 
     def _after_switch(self, run: _Run) -> tuple[Array, Array]:
-        """The state with tangents or adjoints as saltation matrices change them, and `kinked`."""
+        """The state with tangents or adjoints changed by saltation matrices, and `kinked`."""
         if not hasattr(self.field, "jump"):
             return run.y, run.kinked
         branch = run.branch
         which, changed = self._switched(run)
-        # Rates are continuous where sliding ends, but those of tangents are not.
+        # The rate is continuous where sliding ends, but that of tangents is not.
         left = (run.left >= 0) & ((run.left < self.plan.size) | (run.y.ndim > 2))
         jumps = run.begun & (run.crossed.any() | changed.any() | left)
-        # A switch just after the start has happened before it, one just before the end after it if
-        # tangents do not pass it.
+        # A switch just after the start counts as before it, and one just before the end as after it
+        # if tangents do not pass it.
         early = (jnp.abs(run.t - self.t0) <= self._known) & ~branch.slides
         late = (jnp.abs(self.t1 - run.t) <= self._known) & ~jnp.asarray(self.passes)
         jumps = jumps & ~(run.crossed.any() & (early | late))
-        # A motion that starts on a surface and slides is stopped there at once from beside it.
+        # Motions that start beside one that slides from the start reach its surface at once.
         jumps = jumps | (~run.begun & branch.slides)
         if not self.plan.most_surfaces:
             after, kinked = jump(self.field, run.t, run.y, run.old, branch, which), run.kinked
@@ -745,10 +750,10 @@ class _Pieces(NamedTuple):
         return jnp.where(run.left >= 0, run.left, which), changed
 
     def _across(self, run: _Run, which: Array) -> tuple[Array, Array]:
-        """The state with tangents after all surfaces that it meets at once, one by one.
+        """The state with tangents after crossing, one by one, all surfaces that it meets at once.
 
         Motions beside it cross them in another order, or start on the other side of those on which
-        it starts. Where a tangent depends on that, the motion has none, which is returned as well.
+        it starts. Whether a tangent depends on that, and so does not exist, is returned as well.
 
         Args:
           run: the motion.
@@ -783,7 +788,7 @@ class _Pieces(NamedTuple):
 
 
 def _in_rows(chosen: Array, branch: Branch, rows: Branch | None) -> Branch | None:
-    """Branches (s, ...), if there are any, with a branch in the rows chosen (s,)."""
+    """Branches (s, ...), if there are any, with `branch` put into the chosen (s,) rows."""
 
     def choose(new, old):
         return jnp.where(chosen.reshape(-1, *[1] * new.ndim), new[None], old)
@@ -792,7 +797,7 @@ def _in_rows(chosen: Array, branch: Branch, rows: Branch | None) -> Branch | Non
 
 
 def _end_if_ambiguous(run: _Run, ambiguous: Array) -> _Run:
-    """The motion, ended where () its rate is left open."""
+    """The motion, ended if () its branch is ambiguous."""
     status = jnp.where(
         ambiguous & (run.result.status == Status.OK), int(Status.CHATTERING), run.result.status
     )
@@ -800,7 +805,7 @@ def _end_if_ambiguous(run: _Run, ambiguous: Array) -> _Run:
 
 
 def _tangent_sizes(*of: Array) -> Array:
-    """(k, ...) sizes of the entries of tangents (k, ...), in any units of rows and columns."""
+    """(k, ...) sizes of the entries of tangents (k, ...), for any units of rows and columns."""
     sizes = sum(jnp.abs(part) for part in of)
     flat = jnp.reshape(sizes, (len(sizes), -1))
     rows = jnp.max(flat, 1, keepdims=True)
@@ -809,7 +814,7 @@ def _tangent_sizes(*of: Array) -> Array:
 
 
 def _are_parallel(rows: Array) -> Array:
-    """(e, e) whether normals (e, m) of surfaces are parallel, in any units; those of 0 are."""
+    """(e, e) whether normals (e, m) of surfaces are parallel, in any units; a zero normal is."""
     most = jnp.max(jnp.abs(rows), axis=0)
     rows = rows / jnp.where(most > 0, most, 1.0)[None]
     products = jnp.sum(rows[:, None] * rows[None], axis=2)

@@ -1,10 +1,11 @@
 """Events whose values stay at zero for a while: a motion that is held on a surface, as by friction.
 
-A value rests where it is a function that vanishes on the surfaces on which the motion slides, as a
-velocity does while friction holds a block. Errors of the motion along them would give it signs at
-random, so it is not looked at there: it has the sign that it was going to have, or none if the
-motion starts like that. Where a surface lets the motion go, the branch that follows tells the sign
-of the value without any rounding, since the motion goes on behind that surface or before it.
+A value rests if it is a function that vanishes on the surfaces on which the motion slides, as a
+velocity does while friction holds a block. Errors of the motion along them would give it random
+signs, so it is not evaluated there: it counts as having the sign to which it was crossing, or 0 if
+the motion starts at rest. Where a surface releases the motion, the branch that follows determines
+the sign of the value without any rounding, since the motion goes on either behind that surface or
+before it.
 """
 
 import functools
@@ -32,12 +33,12 @@ _ALONG = 1e-6
 
 
 class Resting(eqx.Module):
-    """An event, or one whose value has a constant sign instead while it rests.
+    """An event whose values are replaced by constant signs while they rest.
 
     Attributes:
       event: the event.
       rests: (n,) whether each of its n values rests.
-      side: (n,) the sign then.
+      side: (n,) the sign that replaces each value that rests.
     """
 
     event: Any
@@ -51,7 +52,7 @@ class Resting(eqx.Module):
 
     @property
     def direction(self) -> int:
-        """That of the event."""
+        """The direction of the event."""
         return self.event.direction
 
     def value(self, t: Array, y: Array) -> Array:
@@ -59,8 +60,8 @@ class Resting(eqx.Module):
         return jnp.where(self.rests, self.side, self.event.value(t, y))
 
 
-def shares(events: tuple, field: InBranch, held: Array, plan: Plan, t: Array, y: Array):
-    """What values have in common with the margins of some surfaces on which the motion is.
+def in_margins(events: tuple, field: InBranch, held: Array, plan: Plan, t: Array, y: Array):
+    """Values as linear combinations of the margins of the surfaces on which the motion is.
 
     Args:
       events: E events.
@@ -70,9 +71,9 @@ def shares(events: tuple, field: InBranch, held: Array, plan: Plan, t: Array, y:
       t: () time.
       y: (k,) state.
     Returns:
-      (E, w) by how much each value grows with each margin, (E,) whether it does not change along
-      all surfaces, its values off them, and one rounding of a value for a state of size one (k,)
-      and for the time.
+      (E, w) the coefficients of the margins in each value, (E,) whether the value does not change
+      along the surfaces, (E,) the value less this combination, and one rounding of a value for an
+      entry (E, k) of size one and for the time (E,).
     """
     outcomes = field.branch.outcomes
     which, some = jnp.argmax(held, 1), held.any(1)
@@ -103,7 +104,7 @@ def shares(events: tuple, field: InBranch, held: Array, plan: Plan, t: Array, y:
 def rests(events: tuple, field: InBranch, plan: Plan, t: Array, y: Array, size: Array) -> Array:
     """(E,) whether the value of each event rests in a branch, for a motion of a size (k,)."""
     held = field.branch.surfaces
-    _, normal, off, (by_state, by_time) = shares(events, field, held, plan, t, y)
+    _, normal, off, (by_state, by_time) = in_margins(events, field, held, plan, t, y)
     size = jnp.maximum(size, jnp.abs(y))
     noise = _ROUNDINGS * (jnp.sum(by_state * size[None], 1) + jnp.abs(t) * by_time)
     return held.any() & normal & (jnp.abs(off) <= noise)
@@ -112,7 +113,7 @@ def rests(events: tuple, field: InBranch, plan: Plan, t: Array, y: Array, size: 
 def leaves(
     events: tuple, field: InBranch, old: Branch, plan: Plan, t: Array, y: Array
 ) -> tuple[Array, Array]:
-    """Where surfaces of an old branch let a motion go: where values that rest on them lead.
+    """Which values cease to rest where surfaces of the old branch release the motion.
 
     Args:
       events: E events.
@@ -122,11 +123,11 @@ def leaves(
       t: () time.
       y: (k,) state.
     Returns:
-      (E,) whether each value ceases to rest, and (E,) its sign then, 0 if it is open.
+      (E,) whether each value ceases to rest, and (E,) its sign afterwards, 0 if that is ambiguous.
     """
     free = old.surfaces & ~field.branch.surface[None]
-    parts, normal, _, _ = shares(events, field, old.surfaces, plan, t, y)
-    # Behind a surface its margin is positive. What rounding leaves of a part is none.
+    parts, normal, _, _ = in_margins(events, field, old.surfaces, plan, t, y)
+    # In the branch that follows margins are positive. A coefficient that is rounding counts as 0.
     parts = jnp.where(free.any(1)[None], parts, 0.0)
     least = _ALONG * jnp.max(jnp.abs(parts), 1, keepdims=True)
     parts = jnp.where(jnp.abs(parts) > least, parts, 0.0)
@@ -137,7 +138,7 @@ def leaves(
 def at_switch(field: InBranch, events: tuple, found, n: int, before: Array):
     """The events where the search ended a piece at a switch.
 
-    An event at the same time to rounding happens there: the motion in its branch goes beyond zero.
+    An event that is there to rounding happens there: the motion in its branch goes beyond zero.
 
     Args:
       field: the field in the branch of the piece.
@@ -162,7 +163,7 @@ def wanted(events: tuple, sides: Array) -> Array:
 
 
 def held(events: tuple, which: Array, side: Array) -> tuple:
-    """The events, of whose values some (E,) rest with a sign (E,)."""
+    """The events, with the values `which` (E,) that rest replaced by their signs `side` (E,)."""
     ends = np.cumsum([count(event) for event in events])[:-1]
     parts = zip(events, jnp.split(which, ends), jnp.split(side, ends), strict=True)
     return tuple(Resting(*part) for part in parts)
@@ -181,7 +182,7 @@ def time_tangent(
 ) -> Array:
     """The tangent of the time of an event: by its value, or by the margin that ended its rest.
 
-    A value at rest is zero before, to all orders, so it does not determine the time.
+    A value that has rested was zero before, to all orders, so it does not determine the time.
 
     Args:
       by_value: (t, y, dy, rate, happened) -> `event_values.time_tangent` of its value.

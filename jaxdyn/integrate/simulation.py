@@ -152,7 +152,7 @@ def _to_digits(
         run_limits = limits(options._replace(rtol=rtol, atol=Share(atol)))
         return _solve(scene, span, run_limits, method, default=default, noise=noise)[0]
 
-    # Where the tolerance is loose, stability limits the steps first.
+    # At a loose tolerance stability is most likely to limit the steps.
     loose, default = limits(options._replace(rtol=_LOOSE_RTOL)), options.solver is None
     _, switched = _solve(scene, span, loose, method, default=default, noise=QUIET)
     if switched:
@@ -223,7 +223,7 @@ def solve(
     _checks.flag("adjoint", adjoint)
     extras = {"default": solver is None, "fixed": fixed, "adjoint": adjoint, "noise": noise}
     times = {"t0": (t0, ()), "t1": (t1, ()), "ts": (ts, (None,))}
-    # Where ts is a matrix, its first column would be taken, without a word.
+    # If ts were a matrix, its first column would be taken silently.
     span = tuple(host_floats(x, name) for name, (x, _) in times.items())
     for given, (name, (_, shape)) in zip(span, times.items(), strict=True):
         _checks.check_shape(name, given.shape, shape)
@@ -258,7 +258,7 @@ def branch_from(scene: Scene, t, y: Array, t1, *, rtol) -> Branch | None:
       scene: system and effects; its start is not used.
       t: () time.
       y: (k,) the state.
-      t1: () a time at which the motion is over, from which it is known where it leads.
+      t1: () the end of the motion, which gives its direction in time and its span.
       rtol: see `solve`.
     """
     run_limits = limits(SolverOptions(rtol, None, None, MAX_STEPS, None, ()))
@@ -293,14 +293,15 @@ def _solve(
     y0, n = as_float(scene.y0), len(span[-1])
     field = FixedField(scene.field) if fixed else scene.field
     field = field if noise is None else RoundedField(field, noise)
-    # A search through the scene's numbers takes half as long as an empty program.
+    # To look for tracers among the scene's numbers takes half as long as an empty program.
     numbers = () if noise is None and notes_on(scene) is not None else (field,)
     traced = any(map(_checks.is_traced, (*numbers, y0, *span, *run_limits)))
     t0, t1, ts = (host_floats(x, "time") for x in span)
     if traced:
         method = within_trace(scene, method) if default else method
     elif n and not adjoint:
-        # NaN is never reached. Derivatives would see it, and traces recompile anyway.
+        # NaN is a time that is never reached. There is no padding in traces: derivatives would see
+        # it, and traces recompile anyway.
         ts = np.append(ts, np.full(padding(n, y0.size), np.nan))
     traced_flow = functools.partial(flow, passes=passes)
     march = _reverse_flow if adjoint else traced_flow if traced else _compiled_flow
@@ -308,7 +309,7 @@ def _solve(
     out, switched = run_or_switch(run, run_limits, method, default=default and not traced)
     if not switched and len(ts) == n:
         return out, False
-    # A slice in JAX, `as_float`, and `asarray` without a type would compile for each number.
+    # A slice in JAX, `as_float`, and `asarray` without a type would compile for each length.
     ys = jnp.asarray(np.asarray(out.ys)[:n], float)
     stiff = jnp.asarray(True) if switched else out.stiff
     result = SolveResult(

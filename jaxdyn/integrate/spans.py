@@ -196,16 +196,17 @@ def limits(options: SolverOptions, dt=None) -> Limits:
 
 
 def padding(n: int, k: int) -> int:
-    """The number of samples by which n of a state (k,) fall short of those of their program.
+    """The number of samples to add to n samples of a state (k,) for a program that others share.
 
-    A program has a power of 8, at least 64; a power of 2 for long states or very many samples.
+    Programs have a power of 8 of samples, at least 64, or a power of 2 for long states or very many
+    samples.
     """
     shared = 8 ** next(i for i in itertools.count(2) if 8**i >= n)
     return (shared if shared * k <= _FEW_ENTRIES else 1 << (n - 1).bit_length()) - n
 
 
 def fill(ts: Array, ys: Array) -> tuple[Array, Array]:
-    """Times (s,) and states (s, k) with the last repeated; as they are if traced."""
+    """Times (s,) and states (s, k), padded with the last ones; unchanged if traced."""
     if _checks.is_traced((ts, ys)):
         return ts, ys
     more = padding(*ys.shape)

@@ -55,7 +55,7 @@ class Motion:
         Args:
           path: path of the .npz file.
         Raises:
-          ValueError: `path` cannot be written, or the method of fixed step is none of
+          ValueError: `path` cannot be written, or the method of fixed step is not one of
             `jaxdyn.solvers`.
         """
         from jaxdyn.files import motion_files
@@ -268,8 +268,9 @@ def _positions(motion: Trajectory) -> Array:
     return jax.vmap(lambda t, y: motion.scene.system.points(t, y).r)(motion.ts, motion.ys)
 
 
-#: Part of the largest distance from a bound by which a sample beyond it is no rounding; the last
-#: one may be on the bound. And roundings of the state that are nothing else, as in a small bounce.
+#: A sample has passed a bound if it is beyond it by more than this part of the largest distance
+#: from it (the second for the last sample, which may be on the bound) and, as in a small bounce,
+#: this number of roundings of the state.
 _PASSED, _LAST_PASSED, _PASSED_ROUNDINGS = 1e-6, 1e-3, 64
 
 
@@ -298,7 +299,7 @@ def _beyond(motion: Trajectory, system: System) -> str:
     share = np.full(motion.ts.shape[-1], _PASSED)
     share[-1:] = _LAST_PASSED
     for name, found in _bounds(motion).items():
-        x, rounding = (np.nan_to_num(np.asarray(each)) for each in found)
+        x, rounding = (np.nan_to_num(np.asarray(part)) for part in found)
         least = share * np.abs(x).max(axis=-1, keepdims=True) + rounding
         beyond = (x < -least) & (np.maximum.accumulate(x, axis=-1) > least)
         if beyond.any():
@@ -368,8 +369,8 @@ def _steps_agree(motion: Trajectory) -> Array:
         t, y = sample
         there = field.project(t + h, y + method.in_loops(1).advance(field.rate, t, h, y).increment)
         right = flow(field, y, t, t + h, nothing, loose, method=default).y1
-        off, moved = jnp.max(jnp.abs(there - right)), jnp.max(jnp.abs(right - y))
+        off, displacement = jnp.max(jnp.abs(there - right)), jnp.max(jnp.abs(right - y))
         # At rest both may be rounding.
-        return off <= _MAX_STEP_MISMATCH * moved + _CHECK_RTOL * jnp.max(jnp.abs(right))
+        return off <= _MAX_STEP_MISMATCH * displacement + _CHECK_RTOL * jnp.max(jnp.abs(right))
 
     return jax.lax.map(agree, (motion.ts, motion.ys))

@@ -1,8 +1,8 @@
 """Bounds of functions of time over an interval, by interval arithmetic within compiled programs.
 
-Each value that moves becomes an interval (`intervals`) that encloses it while time runs through
-one; `solvers.enclosures` does so with formulas on the host. An operation without a rule gives the
-whole line, so that what is not understood counts as unknown.
+Each value that depends on time becomes an interval (`intervals`) that encloses it while time runs
+through an interval; `solvers.enclosures` does the same with formulas on the host. The result of an
+operation without a rule is the whole real line, so that nothing is assumed of it.
 """
 
 import functools
@@ -22,12 +22,12 @@ _Value = Interval | Any
 def enclose_program(
     program, args: Sequence[_Value], unknown: set[str] | None = None
 ) -> list[_Value]:
-    """The results of a program (a ``ClosedJaxpr``), as intervals where they move.
+    """The results of a program (a ``ClosedJaxpr``), as intervals where an argument is one.
 
     Args:
       program: a program of float operations on arrays.
       args: its arguments, known numbers or intervals.
-      unknown: receives the names of operations without a rule, whose bounds are the whole line.
+      unknown: receives the names of operations without a rule.
     """
     return interpret(program, args, lambda eqn, args: _apply(eqn, args, unknown), effects=False)
 
@@ -39,13 +39,13 @@ def _apply(eqn, args: list[_Value], unknown: set[str] | None) -> Sequence[_Value
     if name in CALLS:
         return enclose_program(inner_program(eqn), args, unknown)
     if any(jnp.issubdtype(v.aval.dtype, jnp.integer) for v in eqn.outvars):
-        return _without_rule(eqn, unknown)  # integers that a branch fixes are known numbers
+        return _without_rule(eqn, unknown)  # those that a branch fixes are no intervals
     if name in _ENTRY_BY_ENTRY:
         n = _ENTRY_BY_ENTRY[name] or len(args)
         if any(isinstance(x, Interval) for x in args[n:]):
             return [_unbounded(v.aval.shape) for v in eqn.outvars]
         ends = ([*(as_interval(x)[i] for x in args[:n]), *args[n:]] for i in (0, 1))
-        return [Interval(*pair) for pair in zip(*(bind(eqn, each) for each in ends), strict=True)]
+        return [Interval(*pair) for pair in zip(*(bind(eqn, end) for end in ends), strict=True)]
     if name in _MONOTONE:
         ends = [bind(eqn, [x[i]])[0] for x in args for i in (0, 1)]
         return [COMPILED.widen(*(ends if _MONOTONE[name] else ends[::-1]))]
@@ -68,7 +68,7 @@ def _unbounded(shape) -> Interval:
 
 
 def as_interval(x: _Value) -> Interval:
-    """A value as an interval; a known number is both of its own ends, a truth value 0.0 or 1.0."""
+    """A value as an interval; a known number is both of its ends, a Boolean is 0.0 or 1.0."""
     if isinstance(x, Interval):
         return x
     x = jnp.asarray(x)
@@ -76,8 +76,8 @@ def as_interval(x: _Value) -> Interval:
 
 
 #: Operations that only move entries, or increase with each of them, so that the ends of the result
-#: follow from the ends of the arguments. The value is how many of the first arguments may be
-#: bounds; None for all.
+#: follow from the ends of the arguments. The value is the number of arguments, the first ones, that
+#: may be intervals; None for all.
 _ENTRY_BY_ENTRY: dict[str, int | None] = {
     **dict.fromkeys(("reshape", "broadcast_in_dim", "transpose", "squeeze", "slice", "rev")),
     **dict.fromkeys(("concatenate", "stack", "unstack", "split", "pad", "copy")),
@@ -85,7 +85,7 @@ _ENTRY_BY_ENTRY: dict[str, int | None] = {
     **dict.fromkeys(("cumsum", "cummax", "cummin", "stop_gradient", "convert_element_type")),
     **{"dynamic_slice": 1, "gather": 1},
 }
-#: Whether a monotone function increases.
+#: Monotone functions, and whether each increases.
 _MONOTONE = {
     **dict.fromkeys(("exp", "exp2", "expm1", "log", "log1p", "cbrt", "tanh"), True),
     **dict.fromkeys(("sinh", "asinh", "atan", "asin", "logistic", "erf", "acosh", "atanh"), True),
@@ -108,11 +108,11 @@ def _select(params, which, *cases) -> Interval:
     if isinstance(which, Interval):
         return COMPILED.choose(which, *map(as_interval, cases))  # a condition has two cases
     ends = ([as_interval(x)[i] for x in cases] for i in (0, 1))
-    return Interval(*(lax.select_n(which, *each) for each in ends))
+    return Interval(*(lax.select_n(which, *end) for end in ends))
 
 
 def _product(params, a, b) -> Interval:
-    """Interval of a product of arrays, by the signs of the known one; none if neither is known."""
+    """Interval of a product of arrays, from the signs of the known one; unbounded without one."""
     if isinstance(a, Interval) and isinstance(b, Interval):
         shape = jax.eval_shape(functools.partial(lax.dot_general, **params), a.low, b.low).shape
         return _unbounded(shape)
@@ -148,7 +148,7 @@ _RULES: dict[str, Callable[..., Interval]] = {
     **{"and": COMPILED.both, "or": COMPILED.either, "not": COMPILED.opposite},
     "is_finite": lambda a: point(jnp.ones(a.low.shape)),
 }
-#: Rules that need more than the bounds of their arguments.
+#: Rules that also need the parameters of the operation, or which arguments are known numbers.
 _RULES_WITH_PARAMETERS: dict[str, Callable[..., Interval]] = {
     "integer_pow": lambda params, a: COMPILED.whole_power(a, params["y"]),
     "select_n": _select,

@@ -2,10 +2,12 @@
 
 A motion that is pushed back to a surface from both sides slides along it (Filippov, 1988,
 Differential Equations with Discontinuous Righthand Sides): its rate is the weighted mean of the
-rates on both sides that is tangent to the surface. On several surfaces at once each has a weight of
-its own, and the rate is f + sum of w_j (f_j - f), with f behind all of them and f_j before surface
-j alone. This is exact where the jumps at the surfaces add up, as those of dry friction in several
-places do; where they do not, Filippov's rate is not unique, and the motion ends.
+rates on both sides that is tangent to the surface. The side to which the motion was going is called
+behind the surface, the side from which it came before it. On several surfaces at once each has a
+weight of its own, and the rate is f + sum of w_j (f_j - f), with f the rate behind all of them and
+f_j that before surface j alone. This is exact where the jumps at the surfaces add up, as those of
+dry friction in several places do; where they do not, Filippov's rate is not unique, and the motion
+ends.
 """
 
 from collections.abc import Callable
@@ -26,11 +28,11 @@ class Branch(NamedTuple):
     """The outcomes of the conditions of a rate along a piece of a motion.
 
     Attributes:
-      outcomes: (e,) outcomes of all conditions; for those of a surface of sliding, on the side
-        behind it, to which the motion was going.
-      before: (e,) likewise on the side from which it came.
-      surfaces: (w, e) whether each condition changes on the surface of sliding of each condition
-        in `Plan.jumping`; of those on one surface only the first has a row.
+      outcomes: (e,) outcomes of all conditions, those behind a surface on which the motion slides.
+      before: (e,) likewise, but those before such a surface.
+      surfaces: (w, e) for each condition in `Plan.jumping`, which conditions change on its surface
+        if the motion slides there. Of conditions with a common surface only the first has its row
+        set.
     """
 
     outcomes: Array
@@ -39,7 +41,7 @@ class Branch(NamedTuple):
 
     @classmethod
     def of(cls, outcomes: Array, rows: int) -> "Branch":
-        """Outcomes of a motion that does not slide; `rows` is the plan's `Plan.most_surfaces`."""
+        """The branch of a motion that does not slide; `rows` is `Plan.most_surfaces`."""
         return cls(outcomes, outcomes, jnp.zeros((rows, len(outcomes)), bool))
 
     @property
@@ -49,17 +51,17 @@ class Branch(NamedTuple):
 
     @property
     def surface(self) -> Array:
-        """(e,) whether each condition changes on any surface of sliding."""
+        """(e,) whether each condition changes on any surface on which the motion slides."""
         return self.surfaces.any(0)
 
 
 class Balance(NamedTuple):
-    """The rates on all sides of some surfaces that a state lies on, and how fast they lead away.
+    """The rates on all sides of the surfaces on which a state lies, and how fast they lead away.
 
     Attributes:
       rates: (w + 1, k) the rate behind all surfaces, then that before each surface alone.
-      slopes: (w,) of the margin of each surface behind it, along the first rate.
-      gains: (w, w) by how much each slope is larger along the rate before each surface.
+      slopes: (w,) derivative in time, along the first rate, of each surface's margin behind it.
+      gains: (w, w) by how much slope i is larger along the rate before surface j.
     """
 
     rates: Array
@@ -68,7 +70,7 @@ class Balance(NamedTuple):
 
     @property
     def weights(self) -> Array:
-        """(w,) of the rates before the surfaces, such that the mean is tangent to all of them."""
+        """(w,) weights of the rates before the surfaces whose mean is tangent to all of these."""
         if len(self.slopes) == 1:
             return -self.slopes / self.gains[0]
         return solve_spd(self.gains, -self.slopes)
@@ -79,18 +81,22 @@ class Balance(NamedTuple):
         return self.rates[0] + jnp.sum(weights[:, None] * jumps, 0)
 
     def slopes_for(self, weights: Array) -> Array:
-        """(w,) the slopes for given weights (w,), each surface's own weight being 0."""
+        """(w,) the slopes along the mean rate, for each surface with its own weight set to 0."""
         own = jnp.diag(self.gains)
         return self.slopes + jnp.sum(self.gains * weights[None], 1) - own * weights
 
-    def settle(self, way: Array) -> Array:
-        """(w,) the weights between 0 and 1 with which the motion goes on in the direction `way`.
+    def settle(self, direction: Array) -> Array:
+        """(w,) the weights between 0 and 1 with which the motion goes on.
 
-        On each surface, with those of the others, it stays behind if it is led away from there;
-        else it returns if it is led away on the side before; else it slides. Projected relaxation
-        finds weights that agree (Cottle, Pang, Stone, 1992, The Linear Complementarity Problem).
+        At each surface, given the weights of the others, the motion stays behind (0) if the rate
+        there leads away from the surface; else it returns (1) if the rate before leads away; else
+        it slides. Projected relaxation finds weights that satisfy this at all surfaces (Cottle,
+        Pang, Stone, 1992, The Linear Complementarity Problem).
+
+        Args:
+          direction: () 1 forward in time, -1 backward.
         """
-        slopes, gains, w = way * self.slopes, way * self.gains, len(self.slopes)
+        slopes, gains, w = direction * self.slopes, direction * self.gains, len(self.slopes)
 
         def relax(i, weights):
             this, own = jnp.arange(w) == i % w, gains[i % w, i % w]
@@ -101,9 +107,9 @@ class Balance(NamedTuple):
         return jax.lax.fori_loop(0, 1 if w == 1 else _RELAXATIONS * w, relax, jnp.zeros(w))
 
 
-#: Number of rounds of relaxation: enough for surfaces coupled by 0.9, the error of which is 1e-5.
+#: Number of rounds of relaxation: for surfaces with a coupling of 0.9 they leave an error of 1e-5.
 _RELAXATIONS = 100
-#: Roundings of the rates on both sides up to which their mean is zero.
+#: Number of roundings of the rates on both sides up to which their mean counts as zero.
 _ROUNDINGS = 8
 
 
@@ -115,7 +121,7 @@ def in_branch(field: Any, branch: Any) -> Any:
 
 
 def jump(field: Any, t: Array, y: Array, old: Branch, new: Branch, which: Array) -> Array:
-    """A state with tangents after a switch, as the outermost wrapper of a field changes it.
+    """A state with its tangents after a switch, changed as the field's outermost wrapper demands.
 
     Args:
       field: see `flow`.
@@ -145,8 +151,8 @@ class InBranch(Record, FieldAround):
         plan = plan_of(self.field, len(y))
         if not plan.on_state:
             return self._plain(t, y)
-        # Also where it cannot slide: a choice is not rewritten by `simplify`, which would expand
-        # k (d - clip(d)) and leave its rounding as a force within the play of two gears.
+        # There is a choice even where nothing can slide, since `simplify` does not rewrite one: it
+        # would expand k (d - clip(d)) and leave its rounding as a force within the play of gears.
         slide = self._sliding if plan.most_surfaces else self._plain
         return jax.lax.cond(self.branch.slides, slide, self._plain, t, y)
 
@@ -156,18 +162,18 @@ class InBranch(Record, FieldAround):
     def _sliding(self, t: Array, y: Array) -> Array:
         balance = self.balance(t, y)
         mean = balance.mean(balance.weights)
-        # What rounding leaves of forces in balance would be the size of a motion from rest.
+        # What rounding leaves of balanced forces would set the scale of a motion from rest.
         rounding = _ROUNDINGS * jnp.finfo(y.dtype).eps * jnp.max(jnp.abs(balance.rates), 0)
         return mean - jax.lax.stop_gradient(jnp.where(jnp.abs(mean) <= rounding, mean, 0.0))
 
     def balance(self, t: Array, y: Array) -> Balance:
         """The rates on all sides of the surfaces of the branch, and how fast they lead away.
 
-        Rows without a surface have a weight of 0: each is balanced by itself.
+        Rows without a surface have a weight of 0: their slope is 0 and their gains are a unit row.
         """
         outcomes, before, surfaces = self.branch
         plan = plan_of(self.field, len(y))
-        held, first = surfaces.any(1), jnp.argmax(surfaces, 1)
+        used, first = surfaces.any(1), jnp.argmax(surfaces, 1)
 
         def margins(t, y):
             return plan.state_margins(self.field, t, y, outcomes)
@@ -178,19 +184,19 @@ class InBranch(Record, FieldAround):
         sides = jnp.where(surfaces, before[None], outcomes[None])
         sides = jnp.concatenate([outcomes[None], sides])
         # For two rates a loop takes longer to compile than a copy of the program.
-        each = _map_unrolled if len(sides) == 2 else jax.vmap
-        rates = each(lambda side: self.side(t, y, side)[0])(sides)
+        vectorize = _map_unrolled if len(sides) == 2 else jax.vmap
+        rates = vectorize(lambda side: self.side(t, y, side)[0])(sides)
         slopes = jax.vmap(slope)(rates)
         gains = jnp.where(
-            held[:, None] & held[None], (slopes[1:] - slopes[:1]).T, jnp.eye(len(held))
+            used[:, None] & used[None], (slopes[1:] - slopes[:1]).T, jnp.eye(len(used))
         )
-        return Balance(rates, jnp.where(held, slopes[0], 0.0), gains)
+        return Balance(rates, jnp.where(used, slopes[0], 0.0), gains)
 
     def side(self, t: Array, y: Array, outcomes: Array) -> tuple[Array, Conditions]:
-        """The rate, and the conditions, for other outcomes.
+        """The rate and the conditions for given outcomes.
 
-        Beyond a surface where a branch is not defined, as max(0, -x)^1.5 for x > 0, the rate is the
-        one that the program gives there: a trial step may pass a little beyond the surface.
+        A trial step may pass a little beyond a surface. If the branch is not defined there, as
+        max(0, -x)^1.5 is not for x > 0, the rate is that of the outcomes which hold at the point.
         """
         plan = plan_of(self.field, len(y))
         rate, conditions = plan.evaluate(self.field, t, y, outcomes)
@@ -204,7 +210,8 @@ class InBranch(Record, FieldAround):
         """(e + 2 w,) numbers: the branch ends where one of them falls through 0.
 
         They are the margins of the conditions on the state and, for a sliding motion, the weights
-        of the rates behind each surface, then of those before, each times the push of both.
+        of the rates behind each surface, then of those before, each multiplied by the rate at which
+        both sides together push the motion to that surface.
         """
         plan, branch = plan_of(self.field, len(y)), self.branch
         margins = plan.state_margins(self.field, t, y, branch.outcomes)
@@ -217,8 +224,8 @@ class InBranch(Record, FieldAround):
         return jax.lax.cond(self.branch.slides, self._pushes, none, t, y)
 
     def _pushes(self, t: Array, y: Array) -> Array:
-        # Weights would be 0/0 where a surface does not push at all. Of one surface no weight is
-        # needed, so that its sides are compared as they are.
+        # They are not divided by the push, since weights would be 0/0 where neither side pushes. A
+        # single surface needs no weights of others, so none are computed.
         balance = self.balance(t, y)
         own, weights = jnp.diag(balance.gains), balance.weights
         weights = jnp.zeros(1) if len(own) == 1 else weights
@@ -227,13 +234,13 @@ class InBranch(Record, FieldAround):
         return jnp.where(jnp.tile(self.branch.surfaces.any(1), 2), pushes, 1.0)
 
     def change(self, t: Array, y: Array, which: Array, slid: bool) -> Array:
-        """() the function whose zero ended the branch, smooth on both sides.
+        """() the function whose zero ended the branch, which is smooth on both sides.
 
         Args:
           t: () time.
           y: (k,) state.
-          which: () its number, as in `margins`.
-          slid: whether it may be an end of sliding.
+          which: () number of the function, as in `margins`.
+          slid: whether it may be one that ends sliding.
         """
         margins = self.side(t, y, self.branch.outcomes)[1].margins
         if slid and len(self.branch.surfaces):
@@ -242,5 +249,5 @@ class InBranch(Record, FieldAround):
 
 
 def _map_unrolled(function: Callable) -> Callable:
-    """As `jax.vmap`, with a copy of the program for each row."""
+    """Like `jax.vmap`, with a copy of the program for each row."""
     return lambda rows: jax.tree.map(lambda *found: jnp.stack(found), *map(function, rows))

@@ -1,17 +1,18 @@
 """Comparisons at which a rate is continuous, proved from its program.
 
 A contact written as ``where(x < 0, -k * x, 0)`` is as continuous as ``maximum(-k * x, 0)``: both
-values are 0 where x = 0. That is not read off numbers but proved: every choice that a comparison
-a < b decides has to be between two values that are equal wherever a = b, by rules as these:
+values are 0 where x = 0. This is proved, not read off numbers: every choice that a comparison a < b
+decides has to be between two values that are equal wherever a = b, by rules such as these:
 
-- of a = b: a and b are equal, a - b and b - a are 0;
+- where a = b, a and b are equal, a - b and b - a are 0;
 - p q is 0 if p is 0 and q is finite; p + q = p if q is 0;
 - the same continuous function of equal values has equal values.
 
-What these rules do not show is taken for a jump, which costs time in compiling but is never wrong.
+Where these rules prove nothing, a jump is assumed, which takes longer to compile but is never
+wrong.
 
 A comparison a == b whose surface is also that of a jump gives the rate a value of its own there, as
-static friction has. Motions are on such a surface up to rounding only, so that it is reported.
+static friction does. Motions are on such a surface up to rounding only, so it is reported.
 """
 
 import dataclasses
@@ -42,15 +43,15 @@ _OTHER = frozenset({"cos", "cosh", "exp", "exp2", "logistic", "erfc"})
 _LENGTHS = frozenset({"sqrt", "hypot"})
 #: Continuous functions of each entry by itself.
 _ENTRYWISE = _ODD | _OTHER | _COMMUTES | _LENGTHS | {"sub", "integer_pow", "select_n", "clamp"}
-#: Functions, also those that jump, that are finite where their operands are.
+#: Functions that are finite where their operands are; some of them jump.
 _FINITE = _ENTRYWISE | _PLACES | _PRODUCTS | _LOGIC | {"sign", *_ORDERS}
-#: Largest number of operations between a choice and what shows that its values are equal.
+#: Largest depth of a proof that the two values of a choice are equal, in operations.
 _DEEPEST = 40
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Term:
-    """A value of a program: an operation on others. The same operation on the same is one object.
+    """A value of a program: an operation on others. The same one on the same values is one object.
 
     Attributes:
       op: name of the operation; "number" and "input" for what a program is given.
@@ -72,12 +73,12 @@ class _Term:
 
 
 class Continuity(NamedTuple):
-    """What is known of a program where the outcomes of its comparisons change.
+    """What is proved of a program where the outcomes of its comparisons change.
 
     Attributes:
       comparisons: ids of the comparisons at which all of its results are continuous.
-      distinguishes: whether ``==`` asks for a surface at which they jump, as in a law of friction
-        that is larger at rest.
+      distinguishes: whether ``==`` tests for a surface at which the results jump, as in a law of
+        friction that is larger at rest.
     """
 
     comparisons: frozenset[int] = frozenset()
@@ -129,15 +130,15 @@ class _Graph:
         self.users: dict[_Term, list[_Term]] = {}
         #: The values on which the results depend.
         self.live: set[_Term] = set()
-        left = list(self.results)
-        while left:
-            term = left.pop()
+        pending = list(self.results)
+        while pending:
+            term = pending.pop()
             if term in self.live:
                 continue
             self.live.add(term)
             for x in term.args:
                 self.users.setdefault(x, []).append(term)
-                left.append(x)
+                pending.append(x)
 
     def _number(self, x: Any) -> _Term:
         if jnp.issubdtype(getattr(x, "dtype", float), jax.dtypes.extended):
@@ -181,7 +182,7 @@ class _Graph:
         return self._terms.setdefault((op, params, *map(id, args)), new)
 
     def _first_case(self, outcomes: Sequence[_Term], cases: Sequence[_Term]) -> _Term:
-        """The case of the first outcome that holds, as ``jnp.select`` has it; else the first."""
+        """The case of the first outcome that holds, as in ``jnp.select``; else the first case."""
         value = cases[0]
         for outcome, case in list(zip(outcomes, cases, strict=True))[:0:-1]:
             value = self._term("select_n", [outcome, value, case], "")
@@ -190,17 +191,17 @@ class _Graph:
     def is_continuous_at(self, comparison: _Term) -> bool:
         """Whether no result jumps where the outcome of a comparison changes."""
         surface = _Surface(*comparison.args, single=comparison.scalar)
-        jumping, met = [comparison], {comparison}
+        jumping, visited = [comparison], {comparison}
         while jumping:
             term = jumping.pop()
             if any(term is x for x in self.results):
                 return False
             for user in self.users.get(term, ()):
-                if user in met or surface.absorbs(user, term):
+                if user in visited or surface.absorbs(user, term):
                     continue
                 if not surface.keeps_places(user):
                     return False
-                met.add(user)
+                visited.add(user)
                 jumping.append(user)
         return True
 
@@ -209,7 +210,7 @@ _ZERO = _Term("number", number=0.0)
 
 
 class _Surface:
-    """The surface a = b of a comparison, and what is equal on it.
+    """The surface a = b of a comparison, and which values are equal on it.
 
     Args:
       a: a value of a program.
@@ -228,14 +229,20 @@ class _Surface:
             return True
         if not depth:
             return False
-        known = "equal", f, g
-        if known not in self._found:
-            ways = self._by_cases, self._by_terms, self._by_ratio, self._by_zeros, self._by_operands
-            self._found[known] = any(prove(f, g, depth - 1) for prove in ways)
-        return self._found[known]
+        key = "equal", f, g
+        if key not in self._found:
+            rules = (
+                self._by_cases,
+                self._by_terms,
+                self._by_ratio,
+                self._by_zeros,
+                self._by_operands,
+            )
+            self._found[key] = any(prove(f, g, depth - 1) for prove in rules)
+        return self._found[key]
 
     def keeps_places(self, term: _Term) -> bool:
-        """Whether entries on the surface are still its own after an operation."""
+        """Whether each entry of a result belongs to the same surface as that of its operand."""
         return self._single or term.op in _ENTRYWISE or term.op in _LOGIC or term.op == "div"
 
     def absorbs(self, term: _Term, jumping: _Term) -> bool:
@@ -276,7 +283,7 @@ class _Surface:
         for x, y in ((f, g), (g, f)):
             if x.op == "div" and y.number == 1:
                 p, q = x.args
-                if self._divides(q) and self.equal(p, q, depth):
+                if self._is_nonzero(q) and self.equal(p, q, depth):
                     return True
         return False
 
@@ -288,10 +295,10 @@ class _Surface:
         if f.op != g.op or f.params != g.params or len(f.args) != len(g.args):
             return False
         if f.op == "div":
-            known = self._divides(f.args[1]) and self._divides(g.args[1])
+            continuous = self._is_nonzero(f.args[1]) and self._is_nonzero(g.args[1])
         else:
-            known = f.op in _ENTRYWISE or (self._single and f.op in _PLACES | _PRODUCTS)
-        if not known:
+            continuous = f.op in _ENTRYWISE or (self._single and f.op in _PLACES | _PRODUCTS)
+        if not continuous:
             return False
         orders = (f.args, f.args[::-1]) if f.op in _COMMUTES else (f.args,)
         return any(
@@ -314,13 +321,13 @@ class _Surface:
             return True
         if not depth or not x.args:
             return False
-        known = "zero", x, x
-        if known not in self._found:
-            self._found[known] = self._vanishes(x, depth - 1)
-        return self._found[known]
+        key = "zero", x, x
+        if key not in self._found:
+            self._found[key] = self._vanishes(x, depth - 1)
+        return self._found[key]
 
     def _vanishes(self, x: _Term, depth: int) -> bool:
-        """Whether a result is zero since operands are."""
+        """Whether the values of its operands make a result zero."""
         p, q = (*x.args, *x.args)[:2]
         if x.op == "sub":
             return self.equal(p, q, depth)
@@ -332,7 +339,7 @@ class _Surface:
                 self._is_zero(u, depth) and self._is_finite(v, depth) for u, v in ((p, q), (q, p))
             )
         if x.op == "div":
-            return self._is_zero(p, depth) and self._divides(q)
+            return self._is_zero(p, depth) and self._is_nonzero(q)
         if x.op == "select_n":
             return self.equal(x, _ZERO, depth)
         if x.op in ("max", "min", "hypot") or (x.op in _PLACES and self._single):
@@ -352,28 +359,29 @@ class _Surface:
         if not x.moves or x.op == "input":
             return True
         if x.op == "div":
-            return self._divides(x.args[1]) and self._is_finite(x.args[0], depth - 1)
+            return self._is_nonzero(x.args[1]) and self._is_finite(x.args[0], depth - 1)
         if not (x.op in _FINITE and x.power >= 0 and depth):
             return False
-        known = "finite", x, x
-        if known not in self._found:
-            self._found[known] = all(self._is_finite(y, depth - 1) for y in x.args)
-        return self._found[known]
+        key = "finite", x, x
+        if key not in self._found:
+            self._found[key] = all(self._is_finite(y, depth - 1) for y in x.args)
+        return self._found[key]
 
-    def _divides(self, x: _Term) -> bool:
-        """Whether a value is not zero on the surface.
+    def _is_nonzero(self, x: _Term) -> bool:
+        """Whether a divisor is not zero on the surface.
 
-        A parameter is not, else the rate is infinite; nor is a length where it equals a parameter,
-        such as that of a rope when it becomes tight: if that is zero, no motion goes through it.
+        A parameter is not, or else the rate is infinite. Nor is a length on the surface where it
+        equals a parameter, as that of a rope which becomes tight: if the parameter is zero, no
+        motion crosses that surface.
         """
         steady = any(side is x and not y.moves for side, y in self._sides)
         return not x.moves or (x.op in _LENGTHS and steady)
 
 
 def _first_true(args: Sequence[_Term]) -> Sequence[_Term] | None:
-    """The outcomes of which the first that holds chooses one of the cases; None for no such choice.
+    """The outcomes of which the first that holds chooses the case; None for another choice.
 
-    So ``jnp.select`` chooses, with a first outcome that never holds.
+    ``jnp.select`` chooses in this way; it puts an outcome that never holds before the others.
     """
     which = args[0]
     if which.op != "argmax" or which.args[0].op not in ("stack", "concatenate"):
@@ -388,6 +396,6 @@ def _same(x: _Term, y: _Term) -> bool:
 
 
 def _truncates(eqn: Any) -> bool:
-    """Whether a conversion makes whole numbers of others."""
+    """Whether a conversion turns floats into whole numbers."""
     old, new = eqn.invars[0].aval.dtype, eqn.params["new_dtype"]
     return jnp.issubdtype(old, jnp.floating) and not jnp.issubdtype(new, jnp.floating)

@@ -1,9 +1,9 @@
-"""A rate in one branch: each condition of its program has the outcome that is given.
+"""Rates in one branch: each condition of the program has a given outcome.
 
 A rate with conditions (``where``, ``sign``, ``abs``, ``max``, ``floor``, ``mod``, tables, ...) is
-smooth between the times at which one of them changes. `BranchEvaluation` repeats the program of a
-rate with the outcome of each condition as an argument, the branch, so that a step across such a
-time is not affected by the other side. Besides the rate it returns how far each condition is from
+smooth between the times at which one of them changes. `BranchEvaluation` runs the program of a rate
+with the outcomes of its conditions, the branch, as an argument, so that a step across such a time
+is not affected by the other side. Besides the rate it returns how far each condition is from
 changing, its margin, and the outcomes that hold at the point.
 
 What a condition is, and its margin:
@@ -19,7 +19,7 @@ What a condition is, and its margin:
 
 Equality does not count as a condition: programs test it to guard a removable singularity, and it
 holds at single points only. But derivatives of ``max`` and ``min`` use it to find the operand
-that was taken, also on the surface, where steps end and both are equal: there the branch decides.
+that was taken. Steps end on the surface, where both operands are equal: there the branch decides.
 Conditions on numbers of the scene alone are evaluated as they are. Those within loops of unknown
 length, and choices such as the pivots of a linear system, cannot be read;
 `BranchEvaluation.unread` names them.
@@ -39,13 +39,13 @@ from jaxtyping import Array
 from jaxdyn._numerics import is_smooth
 from jaxdyn._programs import CALLS, Loop, bind, inner_program, interpret, is_interp, loop
 
-#: What a value depends on: time and state, so that it moves along a motion, or only outcomes of
-#: conditions, so that it jumps, and is constant in a branch.
+#: What a value depends on: time and state, so that it varies along a motion, or only outcomes of
+#: conditions, so that it is constant in a branch and jumps between branches.
 BY_TIME, BY_STATE, JUMPS_IN_TIME, JUMPS_WITH_STATE = 1, 2, 4, 8
 _MOVES = BY_TIME | BY_STATE
 OF_TIME, OF_STATE = BY_TIME | JUMPS_IN_TIME, BY_STATE | JUMPS_WITH_STATE
 _JUMPS = JUMPS_IN_TIME | JUMPS_WITH_STATE
-#: Joined with these for what is made of a function that is not defined for all states, as a root.
+#: A further flag: the value is made of a function that is not defined for all states, as a root is.
 _NOT_EVERYWHERE = 16
 
 _COMPARISONS = ("lt", "le", "gt", "ge", "lt_to", "le_to")
@@ -56,7 +56,7 @@ _LONGEST_LOOP = 100
 _LONGEST_ROW = 20
 #: Operations on floats whose conditions are not read.
 _UNREAD = frozenset({"sort", "cummax", "cummin", "top_k", "reduce_window_max", "reduce_window_min"})
-#: Margin of a condition that has none, such as at infinity, as a part of the largest float.
+#: Margin of a condition that has none, such as one at infinity, as a part of the largest float.
 _FAR = 1e-8
 
 
@@ -126,17 +126,17 @@ class BranchEvaluation:
       time_only: leave out what depends on the state.
       state_only: leave out the margins of conditions on time alone.
       continuous: ids of the comparisons at which the results are continuous.
-      every_call: enter every function that is called, though its own rule for derivatives is lost.
-      waves: note sines of time as well among the parts that a step may pass over.
+      every_call: enter every function that is called, though this bypasses its derivative rule.
+      waves: count sines of time as well among the parts that a step may pass over.
 
     Attributes:
       conditions: the conditions met so far.
       unread: names of operations that may hide conditions.
       partial: whether a condition decides if a function that is not defined everywhere, such as a
         root, has a value, or whether that value is used.
-      leaves: values of time alone that meet the state, or are a result.
-      mixed: arguments and values, in turn, of functions of time and state that may be flat except
-        in a brief part of a motion.
+      leaves: values that depend on time alone and are combined with the state, or are a result.
+      mixed: alternately the arguments and the values of functions of time and state that may be
+        flat except in a brief part of a motion.
     """
 
     def __init__(
@@ -158,11 +158,11 @@ class BranchEvaluation:
         self.partial = False
         self.leaves: list[Value] = []
         self.mixed: list[Value] = []
-        # With the values themselves, whose ids would otherwise be given to others.
+        # The values are kept as well, since ids of deleted ones would be given to others.
         self._origins: dict[int, tuple[Value, str, list[Value]]] = {}
         self._taken: dict[int, tuple[Array, Value, Value, Value, int]] = {}
         self._compared: list[tuple[Value, Value]] = []
-        self._continuous = False  # inside of a function whose values no condition makes jump
+        self._continuous = False  # whether inside a function that is continuous, as `interp`
 
     @property
     def found(self) -> Conditions:
@@ -184,9 +184,9 @@ class BranchEvaluation:
 
     def program(self, closed, args: Sequence[Value]) -> list[Value]:
         """The results of a program."""
-        # Of its live operations only. A condition whose outcome is thrown away would end steps and
-        # take long to compile: the work of an effect, whose error is measured by the magnitudes of
-        # its terms, took 26 s.
+        # Only its live operations are run. A condition whose outcome is not used would end steps
+        # and take long to compile: the work of an effect, whose error is measured by the magnitudes
+        # of its terms, took 26 s.
         return interpret(closed, args, self._apply, Value)
 
     def _apply(self, eqn, args: list[Value]) -> list[Value]:
@@ -199,10 +199,10 @@ class BranchEvaluation:
                 return found if isinstance(found, list) else [found]
             if name in CALLS:
                 if params.get("name") == _TABLE and not args[0].on & _MOVES:
-                    # In its derivative the tangents of both follow; the result is the same.
+                    # In a derivative the tangents of both follow; the result is the same.
                     return [self._table(*args[:2])]
                 inner = inner_program(eqn)
-                # Calls are entered also to follow nothing but the degrees of polynomials in time.
+                # Some calls are entered only to find the degrees of polynomials in time.
                 enter = may_switch(inner) or (self.every_call and on & BY_TIME)
                 if enter and not is_smooth(str(params.get("name", ""))):
                     outside, self._continuous = self._continuous, is_interp(eqn) or self._continuous
@@ -235,10 +235,10 @@ class BranchEvaluation:
             self._compared.append((a, b))
 
     def _are_apart(self, a: Value, b: Value) -> bool:
-        """Whether an outcome says which is larger: then a branch takes them as never equal.
+        """Whether an outcome says which value is larger: then they are never equal in a branch.
 
-        So the derivatives of ``max`` and ``min`` are those of the branch, though the rules of JAX
-        0.11 and newer take half of both where the operands are equal.
+        So the derivatives of ``max`` and ``min`` are those of the branch, although the rules of JAX
+        0.11 and newer take half of each where the operands are equal.
         """
         return any(
             (_is_same(a, x) and _is_same(b, y)) or (_is_same(a, y) and _is_same(b, x))
@@ -248,7 +248,8 @@ class BranchEvaluation:
     def _is_chosen(self, a: Value, b: Value) -> Array | None:
         """Whether one value is the operand that was taken for the other, a maximum or minimum.
 
-        The rules for derivatives of JAX 0.10 and older ask for it: such a derivative jumps.
+        It is None if the values are no such pair. The derivative rules of JAX 0.10 and older make
+        this comparison, and such a derivative jumps: the condition is no longer one that bends.
         """
         for x, of in ((a, b), (b, a)):
             if id(of.array) in self._taken:
@@ -287,8 +288,9 @@ class BranchEvaluation:
     def _note_domain(self, eqn, args: list[Value], on: int) -> int:
         """`_NOT_EVERYWHERE` for a function that is not defined for all states, else 0.
 
-        In a branch its value counts where its argument, or its use, depends on a condition: beyond
-        the surface it may be NaN. A spring's length is a root as well, but of no such thing.
+        If its argument, or its use, depends on a condition, it may be NaN in a branch beyond the
+        surface, and the program is `partial`. A spring's length is a root as well, but depends on
+        no condition.
         """
         if eqn.primitive.name in _CHOICES:
             self.partial |= bool(on & _NOT_EVERYWHERE and on & _JUMPS)
@@ -298,7 +300,7 @@ class BranchEvaluation:
         return _NOT_EVERYWHERE
 
     def _meets_state(self, x: Value) -> None:
-        """Note a value of time alone that an operation on the state uses, term by term."""
+        """Note the terms of a value of time alone that an operation on the state uses."""
         if not x.on & BY_TIME or x.on & OF_STATE or x.degree <= _TRIVIAL_DEGREE:
             return
         _, name, args = self._origins.get(id(x.array), (x, "", []))
@@ -326,7 +328,8 @@ class BranchEvaluation:
           shape: shape of the outcomes; by default that to which the arguments are broadcast.
           bends: see `Condition`.
         Returns:
-          None for the outcome where only what depends on time is computed.
+          The outcome, and what it depends on. The outcome is None if it depends on the state while
+          only what depends on time is computed.
         """
         moves = _dependence(*args)
         on = moves | ((moves & _MOVES) << 2)
@@ -377,7 +380,7 @@ class BranchEvaluation:
         return Value(None if found is None else found.astype(kind), on)
 
     def _choose(self, branches, args: list[Value]) -> list[Value]:
-        """All branches of a choice, so that the conditions within each are read."""
+        """The result of a choice, all of whose cases are run so that their conditions are read."""
         which, rest = args[0], args[1:]
         every = [self.program(branch, rest) for branch in branches]
         if which.array is None:
@@ -424,7 +427,7 @@ class BranchEvaluation:
         return [*carry, *outs]
 
 
-#: Degree up to which a polynomial of time and of sines of it hides nothing from a step.
+#: Degree up to which a polynomial in time and in sines of time hides nothing from a step.
 _TRIVIAL_DEGREE = 3.0
 _WAVES = frozenset({"sin", "cos"})
 #: Functions that are flat, to all digits, for most arguments.
@@ -433,7 +436,7 @@ _BRIEF = frozenset({"exp", "exp2", "tanh", "logistic", "erf", "erfc"})
 _PARTIAL = frozenset({"pow", "sqrt", "rsqrt", "log", "log1p", "asin", "acos", "acosh", "atanh"})
 #: Operations that take one of several values.
 _CHOICES = frozenset({"select_n", "gather", "dynamic_slice"})
-#: Operations whose operands are evaluated one by one, to detect a small pulse beside a large drive.
+#: Operations whose operands are evaluated one by one, to detect a small pulse beside a large force.
 _TERM_BY_TERM = frozenset(
     {"add", "sub", "neg", "add_any", "stack", "concatenate", "broadcast_in_dim", "reshape"}
 ) | {"squeeze", "convert_element_type", "copy", "slice", "reduce_sum"}
@@ -442,7 +445,7 @@ _SCALES = frozenset({"mul", "div", "dot_general"})
 
 
 def _degree(name: str, params, args: list[Value]) -> float:
-    """Degree in time of a result, if it is a polynomial of time and of sines of it."""
+    """Degree of a result that is a polynomial in time and in sines of time; else infinity."""
     degrees = [x.degree for x in args]
     if name in _TERM_BY_TERM or name in ("transpose", "rev", "pad", "select_n"):
         return max(degrees)
@@ -480,7 +483,7 @@ def _is_zero(x: Value) -> bool:
 
 
 def _is_condition(eqn) -> bool:
-    """Whether an operation that may be a condition is one for its types of numbers."""
+    """Whether an operation that may be a condition is one for the types of its operands."""
     of = eqn.invars[1 if eqn.primitive.name == "clamp" else 0].aval.dtype
     if eqn.primitive.name == "sort" and not _is_readable(eqn):
         return False
@@ -557,7 +560,7 @@ def _larger(evaluation: BranchEvaluation, eqn, args: list[Value]) -> Value:
 
 
 def _is_same(a: Value, b: Value) -> bool:
-    """Whether two values are one value of a program, or equal known numbers."""
+    """Whether two values are the same value of a program, or equal known numbers."""
     if a.array is b.array:
         return True
     if a.on or b.on or any(isinstance(x.array, jax.core.Tracer) for x in (a, b)):
@@ -655,7 +658,7 @@ def _entry(rows: Array, which: Array) -> Array:
 
 
 def _sort(evaluation: BranchEvaluation, eqn, args: list[Value]) -> list[Value]:
-    """Numbers in ascending order, and others with them, from the outcomes of all pairs."""
+    """Numbers in ascending order, and others with them, by comparisons of all pairs."""
     keys, n = args[0], eqn.invars[0].aval.shape[0]
     i, j = np.triu_indices(n, 1)
     first, second = (keys.map(operator.itemgetter(k)) for k in (i, j))

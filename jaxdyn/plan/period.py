@@ -1,7 +1,8 @@
 """The period of a rate that depends on time, read from its program and the numbers of its scene.
 
-Time enters a periodic rate through sines and remainders of a t + b. Whatever combines such terms,
-by sums, products or functions, has a common period if the ratio of theirs is rational.
+Time enters a periodic rate through sines and remainders of a t + b. What is made of such terms by
+sums, products or functions has their common period, which exists if all ratios of their periods are
+rational.
 """
 
 import math
@@ -16,7 +17,7 @@ from jaxtyping import PyTree
 
 from jaxdyn._programs import CALLS, Loop, bind, inner_program, interpret, loop
 
-#: Largest multiple of one period in the common one, and the accuracy to which ratios must agree.
+#: Largest denominator of a ratio of two periods, and the accuracy to which it must be rational.
 _MOST_PERIODS, _RATIO_ROUNDING = 1000, 1e-12
 
 

@@ -1,4 +1,4 @@
-"""What is true of a kind of scene, found once: its conditions, and how its rate depends on time.
+"""Properties of a kind of scene, found once: its conditions, and how its rate depends on time.
 
 A `Plan` is read from the program of a rate (by a `BranchEvaluation`), not from values at a few
 points. It is the same for all scenes of a kind, whatever their numbers, and is kept with the kind.
@@ -30,16 +30,16 @@ class Plan:
     Attributes:
       depends_on_time: whether the rate depends on time; if not, that is proved.
       conditions: the conditions, in the order in which the program meets them.
-      of_time: (e,) for each entry of a branch, whether it depends on time alone.
-      bends: (e,) likewise whether the rate is continuous where it changes.
-      distinguishes: whether ``==`` asks for a surface at which the rate jumps.
+      of_time: (e,) whether each entry of a branch depends on time alone.
+      bends: (e,) whether the rate is continuous where the entry changes.
+      distinguishes: whether ``==`` tests for a surface at which the rate jumps.
       unread: names of operations that may hide conditions.
       bounded: whether all operations on time alone have bounds.
       partial: whether a condition decides if a function that is not defined for all states, such as
         a root, has a value, or whether that value is used.
-      mixed: whether it contains functions of time and state that may act just as briefly.
       hides: whether parts of the rate that depend on time alone may act so briefly that a step
         would pass over them.
+      mixed: whether it contains functions of time and state that may act just as briefly.
     """
 
     def __init__(self, program: Any, tree: Any, leaves: list, y: Any, waves: bool = False):
@@ -55,7 +55,7 @@ class Plan:
 
         def evaluate(leaves, t, y):
             rate = whole.rate(program, leaves, t, y)
-            if rate.on & OF_TIME:  # most rates do not depend on time, and need no more of them
+            if rate.on & OF_TIME:  # most rates do not depend on time, and need no more evaluations
                 part.rate(program, leaves, t, y)
                 deep.rate(program, leaves, t, y)
             found.append(rate.on)
@@ -124,8 +124,8 @@ class Plan:
         """The period of the rate in time; None where it has none that can be read."""
         return period_of(self._program, system)
 
-    # Traced once for all its uses in a program, some hundred: a third of the operations of
-    # Python until a first motion (Chua's circuit: 3.2 million, not 9.8). XLA inlines the calls.
+    # Traced once for all its uses in a program, some hundred: a first motion takes a third of the
+    # operations of Python (Chua's circuit: 3.2 million instead of 9.8). XLA inlines the calls.
     @functools.partial(jax.jit, static_argnums=0)
     def evaluate(self, system: PyTree, t: Array, y: Array, branch: Array | None = None):
         """The rate (k,) of a system of this kind in a branch (e,), and its `Conditions` there.
@@ -140,7 +140,7 @@ class Plan:
     def state_margins(self, system: PyTree, t: Array, y: Array, branch: Array) -> Array:
         """(e,) the margins of conditions on the state in a branch (e,), 1 for those on time alone.
 
-        Those on time, as of a table, are the larger part of many programs.
+        The margins of the latter, as in a table, are the larger part of many programs.
         """
         evaluation = BranchEvaluation(branch, state_only=True)
         evaluation.rate(self._program, jax.tree.leaves(system), t, y)
@@ -173,7 +173,7 @@ class Plan:
     ) -> tuple[Interval, Array]:
         """(u,) bounds of `time_parts` from one time to another, and of the size of their slopes.
 
-        The bounds are the narrower of those of the formulas and those by slopes about the middle.
+        The bounds are the intersection of those by interval arithmetic and of the mean value form.
         """
         parts, slopes, _ = self._programs
         plain = _bounds(parts, system, Interval(low, high), branch)
@@ -226,7 +226,7 @@ class Plan:
             return jax.make_jaxpr(of_leaves)(*self._leaves, *shapes, self._branch)
 
     def _without_bounds(self, programs: Iterable, *shapes: Any) -> set[str]:
-        """Names of operations of programs that have no bounds where values of these shapes move."""
+        """Names of operations that have no bounds where values of these shapes are intervals."""
         unknown: set[str] = set()
 
         def enclose(leaves, moving, branch):
@@ -270,15 +270,15 @@ def plan_of(field: PyTree, k: int, *, waves: bool = False) -> Plan:
 
     A wrapper of a field, such as its variational equations, has the plan of the field itself.
 
-    With `waves`, sines of time count among what a step may pass over: those of a rate show in the
-    error that a method estimates, but nothing measures those of an event.
+    With `waves`, sines of time count among what a step may pass over: in a rate they show in the
+    error that a method estimates, but nothing measures those in an event.
     """
     leaves, tree = jax.tree.flatten(without_wrappers(field))
     return _plan(tree, tuple(map(_kind, leaves)), k, waves, jax.config.jax_enable_x64)
 
 
 def _kind(x: Any) -> tuple:
-    """Shape, type and weak type of numbers: those of Python take the type of what they meet."""
+    """Shape, type and weak type of numbers: those of Python take the type of other operands."""
     return np.shape(x), jnp.result_type(x), bool(getattr(jax.typeof(x), "weak_type", False))
 
 

@@ -1,7 +1,7 @@
-"""What a step must not pass over: switching times, and brief parts of a rate in time alone.
+"""What a step must not pass over: switching times, and brief parts of a rate such as pulses.
 
 Both are found from bounds over an interval (`bounds`), so that a pulse or a switch is seen wherever
-it is and however short, where the operations it is made of have bounds.
+it is and however short, if the operations that it is made of have bounds.
 """
 
 import functools
@@ -14,24 +14,24 @@ from jaxtyping import Array, PyTree
 from jaxdyn.intervals import Interval
 from jaxdyn.plan.plan import Plan
 
-#: Places in a step at which parts in time are sampled, as fractions of it: no simple fractions, and
-#: not its ends, since a method may evaluate those once or not at all.
+#: Places in a step at which parts in time are sampled, as fractions of it: neither simple fractions
+#: nor its ends, since a method may evaluate those once or not at all.
 _PLACES = np.array([0.103, 0.347, 0.611, 0.869])
-#: Largest ratio of the range that a part may have in a step to the range of its samples. A method
-#: that sees an eighth of a variation judges the step by its error.
+#: Largest ratio of the range that a part may have in a step to the range of its samples. For a
+#: method that sees an eighth of a variation its own error estimate is enough.
 _MOST_UNSEEN = 8.0
 #: Likewise for the change that its steepest slope would make: a sample may meet a pulse by chance.
 MOST_STEEP = 60.0
-#: Range that is small enough not to matter, relative to a part in the step and in the whole span.
+#: Range that does not matter, relative to the size of a part in the step and in the whole span.
 _SMALL_HERE, _SMALL_EVER = 1e-3, 1e-12
-#: Width of argument over which a function such as exp or tanh hides nothing from a step, and the
-#: width over which a step sees too little of it.
+#: Range of the argument over which a function such as exp or tanh hides nothing from a step, and
+#: the range over which a step sees too little of it.
 _FEW_UNITS, _MANY_UNITS = 8.0, 60.0
-#: Range of a function of time and state, whose size is 1, that is small enough not to matter.
+#: Range of a function of time and state that does not matter, if the size of the function is 1.
 _SMALL_MIXED = 1e-9
 #: Largest number of halvings of a step: a pulse of 1e-9 of it is looked for.
 _MOST_HALVINGS = 30
-#: Part of a span by which two times must differ at least to be distinguished.
+#: Least difference of two times that are distinguished, as a part of the span.
 _LEAST = 2.0**-60
 #: Number of times in an interval at which conditions without bounds are evaluated.
 _SAMPLES = 65
@@ -55,9 +55,9 @@ def hides_in_time(
     sizes: Array,
     steep: float = MOST_STEEP,
 ) -> Array:
-    """Whether () parts in time may do more in a step than is seen of them.
+    """Whether () parts in time may vary more in a step than a few samples show.
 
-    They may where bounds allow them a range many times as large as that of a few samples.
+    They may where their bounds allow a range many times as large as that of the samples.
 
     Args:
       plan: the plan of the rate.
@@ -77,11 +77,11 @@ def hides_in_time(
     width = most.high - most.low
     wide = ~(width <= _MOST_UNSEEN * seen + small)
     over = jnp.abs(t1 - t0) * steepest > steep * (seen + small)
-    # A root is infinitely steep, and hides nothing, nor does what rounding makes constant.
+    # A root is infinitely steep but hides nothing; nor does a part that rounding makes constant.
     return (wide | (over & jnp.isfinite(steepest) & (width != 0))).any()
 
 
-# Traced once for all its uses in a program, in which it may be a fifth of the operations.
+# Traced once for all its uses in a program, of whose operations it may be a fifth.
 @functools.partial(jax.jit, static_argnums=0)
 def furthest_seen(
     plan: Plan, system: PyTree, t0: Array, t1: Array, branch: Array, sizes: Array
@@ -109,9 +109,9 @@ def furthest_seen(
 def is_hidden(plan: Plan, system: PyTree, branch: Array, start: tuple, end: tuple) -> Array:
     """Whether () functions of time and state may have acted within a step without being seen.
 
-    Their bounds over all states that the step may have passed, the hull of its cubic, are compared
-    with samples along it. A function that moves along with the state has bounds that are too wide,
-    and takes more steps than it needs.
+    Their bounds over all states that the step may have passed, those between the control points of
+    its cubic, are compared with samples along it. Bounds of a function that moves along with the
+    state are too wide, and more steps are taken than are needed.
 
     Args:
       plan: the plan of the rate.
@@ -134,8 +134,8 @@ def is_hidden(plan: Plan, system: PyTree, branch: Array, start: tuple, end: tupl
     seen = jnp.max(at, axis=0) - jnp.min(at, axis=0)
     small = _SMALL_HERE * jnp.max(jnp.abs(at), axis=0) + _SMALL_MIXED
     argument, value = most.high - most.low
-    # To a method such a function is a polynomial over a few units of its argument. Over many units
-    # a sample may have met it by chance.
+    # Over a few units of its argument such a function is nearly a polynomial, which a method sees.
+    # Over many units a sample may have met it by chance.
     unseen = (argument > _FEW_UNITS) & (value > _MOST_UNSEEN * seen + small)
     return (unseen | ((argument > _MANY_UNITS) & (value > small))).any()
 
@@ -145,12 +145,12 @@ def next_change(plan: Plan, system: PyTree, t0: Array, t1: Array, branch: Array)
 
     It is the first floating-point number for which the outcome is different.
     """
-    way = jnp.where(t1 >= t0, 1.0, -1.0)
+    direction = jnp.where(t1 >= t0, 1.0, -1.0)
     given = branch[np.flatnonzero(plan.of_time)]
     tiny = _LEAST * jnp.abs(t1 - t0)  # near 0, where floating-point times are denser than that
 
     def clear(a: Array, b: Array) -> Array:
-        a, b = way * a, way * b
+        a, b = direction * a, direction * b
         if not plan.bounded:
             at = a + (b - a) * jnp.linspace(0.0, 1.0, _SAMPLES)
             found = jax.vmap(lambda t: plan.time_conditions(system, t, branch).outcomes)(at[1:])
@@ -160,11 +160,11 @@ def next_change(plan: Plan, system: PyTree, t0: Array, t1: Array, branch: Array)
 
     def search(carry):
         n, a, w, _ = carry
-        end = way * t1
+        end = direction * t1
         b = jnp.minimum(a + w, end)
         least = jnp.maximum(jnp.nextafter(a, jnp.inf), a + tiny)
         b = jnp.maximum(b, jnp.minimum(least, end))
-        other = (plan.time_conditions(system, way * b, branch).outcomes != given).any()
+        other = (plan.time_conditions(system, direction * b, branch).outcomes != given).any()
         free = clear(a, b) & ~other
         last = b <= least
         changed = last & other
@@ -174,8 +174,8 @@ def next_change(plan: Plan, system: PyTree, t0: Array, t1: Array, branch: Array)
 
     def goes_on(carry) -> Array:
         n, a, _, changed = carry
-        return (n < _MOST_INTERVALS) & (a < way * t1) & ~changed
+        return (n < _MOST_INTERVALS) & (a < direction * t1) & ~changed
 
-    start = jnp.zeros((), int), way * t0, jnp.abs(t1 - t0), jnp.zeros((), bool)
+    start = jnp.zeros((), int), direction * t0, jnp.abs(t1 - t0), jnp.zeros((), bool)
     _, a, _, changed = jax.lax.while_loop(goes_on, search, start)
-    return jnp.where(changed, way * a, t1)
+    return jnp.where(changed, direction * a, t1)

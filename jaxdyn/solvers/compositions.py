@@ -73,7 +73,7 @@ class Composition(Method):
         q, v = y[:half], y[half:]
         one = runtime_one(h)
 
-        def turn(time, kick, drift, dq, dv):
+        def stage(time, kick, drift, dq, dv):
             # Increments are summed separately from the state, to keep their low-order digits.
             x = q + dq if self.loops else materialize(q + dq, one)
             a = field(t + time * h, jnp.concatenate([x, v]))[half:]
@@ -86,13 +86,13 @@ class Composition(Method):
             tables = [jnp.asarray(x) for x in (times, self.kicks, self.drifts[1:])]
 
             def body(i, sums):
-                return turn(*(x[i] for x in tables), *sums)
+                return stage(*(x[i] for x in tables), *sums)
 
             dq, dv = jax.lax.fori_loop(0, self.stages, body, (dq, dv))
         else:
             rows = zip(times.tolist(), self.kicks.tolist(), self.drifts[1:].tolist(), strict=True)
             for row in rows:
-                dq, dv = turn(*row, dq, dv)
+                dq, dv = stage(*row, dq, dv)
         increment = jnp.concatenate([dq, dv])
         return Advance(increment, jnp.zeros_like(y))
 

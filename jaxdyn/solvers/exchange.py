@@ -159,7 +159,7 @@ class DiffraxMethod(Method):
 
 
 def _with_tolerances(solver, rtol: Array, atol: Array):
-    """The solver; if its root finder was to have the tolerances of its steps, it has these."""
+    """The solver, with these tolerances in its root finder unless that has its own."""
     finder = getattr(solver, "root_finder", None)
     if finder is None or isinstance(getattr(finder, "rtol", 0.0), float | Array):
         return solver

@@ -29,7 +29,7 @@ _ROUNDING = 1e-13
 #: no more than a tenth of the error; with 0.9, which is usual at order 5, 10 to 30 % of the steps
 #: are rejected and it takes 10 to 20 % more evaluations at equal true error (measured).
 STEP_SAFETY = 0.75
-_KINDS = 256  # number of kinds of systems about which something is remembered
+_KINDS = 256  # number of kinds of systems for which a result is cached
 
 
 class Advance(NamedTuple):
@@ -196,12 +196,12 @@ def _kind(x) -> tuple:
     return x.shape, x.dtype
 
 
-def trace_once(look: Callable) -> Callable:
-    """The result of look(rate, t, y), found once for each kind of system, whatever its numbers.
+def trace_once(examine: Callable) -> Callable:
+    """The result of examine(rate, t, y), found once for each kind of system, whatever its numbers.
 
     Returns:
       A function, host only, of a system with ``rate(t, y)``, which is a pytree of its numbers, of
-      the length of a state, and of what else `look` takes.
+      the length of a state, and of what else `examine` takes.
     """
 
     @functools.lru_cache(maxsize=_KINDS)
@@ -210,7 +210,7 @@ def trace_once(look: Callable) -> Callable:
         answers, kind = [], jnp.result_type(float)
 
         def answer(leaves, t, y):
-            answers.append(look(jax.tree.unflatten(tree, leaves).rate, t, y, *more))
+            answers.append(examine(jax.tree.unflatten(tree, leaves).rate, t, y, *more))
 
         shapes = [jax.ShapeDtypeStruct(*kind) for kind in (*kinds, ((), kind), ((k,), kind))]
         jax.eval_shape(answer, shapes[:-2], *shapes[-2:])

@@ -33,7 +33,7 @@ class Noise(NamedTuple):
     seed: Array | int
 
 
-#: No perturbation: the field itself, by the program that is compiled for other noise.
+#: No perturbation: the field itself, evaluated by the program that is compiled for other noise.
 QUIET = Noise(np.zeros(()), np.zeros((), np.uint64))
 
 

@@ -65,21 +65,21 @@ class Radau(Method):
         return len(self.c)
 
     @functools.cached_property
-    def _apart(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(m,) eigenvalues of a, real one first, (m, s) maps to and (s, m) from their systems.
+    def _decoupled(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(m,) eigenvalues of a, real one first, (m, s) and (s, m) maps to their systems and back.
 
-        It has one of each complex pair; twice its real part is the contribution of both.
+        There is one of each complex pair; twice its real part is the contribution of both.
         """
         values, vectors = np.linalg.eig(self.a)
         inverse = np.linalg.inv(vectors)
         kept = [i for i in np.argsort(np.abs(values.imag)) if values[i].imag >= -1e-12]
-        share = np.where(np.abs(values[kept].imag) > 1e-12, 2.0, 1.0)
-        return values[kept], inverse[kept], vectors[:, kept] * share
+        count = np.where(np.abs(values[kept].imag) > 1e-12, 2.0, 1.0)
+        return values[kept], inverse[kept], vectors[:, kept] * count
 
     @functools.cached_property
     def _embedded_weights(self) -> tuple[float, np.ndarray]:
         """gamma and (s,) weights e: the error is (1 - h gamma J)^-1 (h gamma f(y) + e Z)."""
-        gamma = self._apart[0][0].real
+        gamma = self._decoupled[0][0].real
         powers = np.arange(self.stages)[:, None]
         moments = 1.0 / (powers[:, 0] + 1.0)
         moments[0] -= gamma
@@ -89,16 +89,16 @@ class Radau(Method):
     def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
         fields = jax.vmap(field, in_axes=(0, -1), out_axes=-1)  # stages last
         times = t + h * self.c
-        values, to, back = self._apart
+        values, to, back = self._decoupled
         kind = jnp.result_type(complex)
         inverses = _inverses(jnp.asarray(values) * h.astype(kind), _jacobian(field, t, y))
 
         def solved(right):
             """(1 - h a x J)^-1 applied to right sides (k, ..., s)."""
             right = right.astype(kind)
-            apart = [mix(row[None], right)[..., 0] for row in to]
-            moved = [_apply(m, x) for m, x in zip(inverses, apart, strict=True)]
-            return jnp.stack([_weighted_sum(moved, row).real for row in back], axis=-1)
+            decoupled = [mix(row[None], right)[..., 0] for row in to]
+            found = [_apply(m, x) for m, x in zip(inverses, decoupled, strict=True)]
+            return jnp.stack([_weighted_sum(found, row).real for row in back], axis=-1)
 
         rounding = jnp.finfo(y.dtype)
 

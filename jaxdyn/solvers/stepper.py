@@ -210,7 +210,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         may = None
         if sizes is not None:
             sizes = grow(groups_of(args, y0), sizes, y1)
-            # A method that damps makes nothing of rounding in fast modes, and keeps its sizes.
+            # A method that damps suppresses rounding in fast modes, so its sizes are kept.
             if not (groups_of(args, y0).known or self.method.damps):
                 reached = args, self.tolerance, self.time, sign * t1, h, y1, sizes
                 grown = jnp.any(sizes > _GROWN * seen)
@@ -266,8 +266,8 @@ def is_stiff(count: Array) -> Array:
 # Tangents of a state (k, columns) are as large as their column: the largest of its entries, each
 # measured in the size of the state's entry, whatever the units of entries and of perturbed numbers.
 
-#: The part of the scales at the start that counts until the motion has shown its own. These scales
-#: are what an entry reaches in the time of the motion, unless others stop it before.
+#: The part of the scales at the start that counts until the motion has shown how large it is. These
+#: scales are what an entry reaches in the time of the motion, unless others stop it before.
 PART = 0.1
 
 #: The error that a step may have in an entry is at least this multiple of the change that rounding
@@ -278,8 +278,8 @@ _NOISE = 32.0
 _FEW, _ALONE = 4.0, 64.0
 #: An entry at rest is given this part of the size that a rejected step would have given it.
 _GLIMPSE = 0.01
-#: Growth of a size after which rounding is looked at again, and the multiple of a step for which it
-#: counts at most: a place may be passed at once.
+#: Growth of a size after which rounding is measured again, and the largest multiple of a step in
+#: which it is taken to act: the motion may leave the place at once.
 _GROWN, _LONGER = 2.0, 16.0
 #: The error that rounding may allow is at most this part of the size of an entry. A step that is
 #: far too long leads to where rates are enormous, and so is their rounding, which would allow it.
@@ -335,27 +335,27 @@ def _rates_beside(
     Tangents that begin as zero, in a force that is zero both there and a little later, may grow by
     any power of time. They have the size of what moves them a little further on: measured by
     themselves, each step would be too long, or, where that zero is rounding, too short. Tangents of
-    tangents are moved by these, so there is one look for each level.
+    tangents are moved by these, so the rate is evaluated on both sides for each level.
 
     Args:
       field: has ``rate``.
       y: (k, ...) the state with its tangents.
-      ts: (2,) times of a look on one side and of one on the other.
-      sizes: (k,) sizes of the state, which is moved by a part of them.
+      ts: (2,) times of the evaluations on one side and on the other.
+      sizes: (k,) sizes of the state, which is displaced by a part of them.
       time: () the time of the motion.
     """
     levels = y.ndim - 1
     flat, near = y.reshape(len(y), -1), rounding(y)
-    ways = jnp.resize(jnp.array([1.0, -1.0, -1.0]), flat.shape)
+    signs = jnp.resize(jnp.array([1.0, -1.0, -1.0]), flat.shape)
 
-    def look(carry: tuple[Array, ...], at: tuple[Array, ...]) -> tuple[tuple[Array, ...], None]:
+    def evaluate(carry: tuple[Array, ...], at: tuple[Array, ...]) -> tuple[tuple[Array, ...], None]:
         beside, rates, down, up, gap = carry
         t, side, rounded, begins = at
         grown = _tangent_sizes(sizes, PART * time * rates[:, 1:])
         beside = lax.select(begins, beside.at[:, 1:].set(grown), beside)
-        moved = flat + side * jnp.concatenate([beside[:, :1], ways[:, 1:] * beside[:, 1:]], axis=1)
-        moved = moved * (1.0 + near[:, None] * rounded)
-        found = field.rate(t, moved.reshape(y.shape)).reshape(flat.shape)
+        off = jnp.concatenate([beside[:, :1], signs[:, 1:] * beside[:, 1:]], axis=1)
+        there = (flat + side * off) * (1.0 + near[:, None] * rounded)
+        found = field.rate(t, there.reshape(y.shape)).reshape(flat.shape)
         found = jnp.where(jnp.isfinite(found), found, 0.0)
         again, known = rounded > 0, lax.select(side < 0, down, up)
         gap = lax.select(again, jnp.maximum(gap, jnp.abs(found - known)), gap)
@@ -365,12 +365,12 @@ def _rates_beside(
         return (beside, rates, down, up, gap), None
 
     # It is a loop so that the rate is compiled once.
-    zero, looks = jnp.zeros_like(flat), 2 * levels + 2
+    zero, numbers = jnp.zeros_like(flat), np.arange(2 * levels + 2)
     places = jnp.tile(ts, levels + 1), jnp.tile(jnp.array([-1.0, 1.0]), levels + 1)
-    rounded = jnp.asarray(np.arange(looks) >= 2 * levels, float)
-    begins = jnp.asarray((np.arange(looks) % 2 == 0) & (np.arange(looks) < 2 * levels))
+    rounded = jnp.asarray(numbers >= 2 * levels, float)
+    begins = jnp.asarray((numbers % 2 == 0) & (numbers < 2 * levels))
     begin = zero.at[:, 0].set(PART * sizes), zero, zero, zero, zero
-    (_, rates, _, _, gap), _ = lax.scan(look, begin, (*places, rounded, begins))
+    (_, rates, _, _, gap), _ = lax.scan(evaluate, begin, (*places, rounded, begins))
     of_state = jnp.maximum(rates[:, 0], sizes / time)
     rates, gap = (_tangent_sizes(sizes, x[:, 1:]) for x in (rates, gap))
     if levels == 1 and field.perturbed:
@@ -384,8 +384,8 @@ def _rounding_of_tangents(
     """(k, c) what rounding makes of rates of tangents that are nothing else; 0 for all others.
 
     A parameter that cancels, such as the mass of a pendulum, has no effect but by rounding. That is
-    random: looks may see none of it, and then no step is short enough. With p the number that is
-    perturbed, its tangents are compared with the rates of the state over |p|.
+    random: evaluations may show none of it, and then no step is short enough. With p the number
+    that is perturbed, its tangents are compared with the rates of the state over |p|.
 
     Args:
       perturbed: arrays of numbers (...) that are perturbed, and by how much in each column
@@ -403,10 +403,10 @@ def _rounding_of_tangents(
 
 
 def above_noise(start: AtStart, tolerance: Array) -> AtStart:
-    """What is known at a start, with sizes whose tolerances exceed what rounding does in a time.
+    """What is known at a start, with sizes raised until tolerances exceed the effect of rounding.
 
-    A body at rest in space may be moved by the rounding of its turning: no step is short enough to
-    resolve that.
+    This is its effect in the time of the motion. A body at rest in space may be moved by the
+    rounding of its rotation: no step is short enough to resolve that.
     """
     if start.noise is None:
         return start
@@ -422,13 +422,13 @@ def above_noise(start: AtStart, tolerance: Array) -> AtStart:
 def _above_later_noise(
     field: Any, tolerance: Array, time: Array, t: Array, h: Array, y: Array, sizes: Array
 ) -> Array:
-    """The sizes (k, ...) of a motion that has grown, above what rounding does there in a time.
+    """The sizes (k, ...) of a motion that has grown, raised above the effect of rounding there.
 
     A mode that symmetry keeps at zero is nothing but the rounding of others, which grows with them.
     """
     single, x = _without_tangents(field, y)
     here, *beside = lax.map(lambda x: single.rate(t, x), shifted(x))
-    gap = functools.reduce(jnp.maximum, [jnp.abs(each - here) for each in beside])
+    gap = functools.reduce(jnp.maximum, [jnp.abs(other - here) for other in beside])
     own = sizes.reshape(len(x), -1)[:, 0]
     rate = jnp.maximum(jnp.abs(here), own / time)
     # Where a rate is little else, rounding is no small part of what grows from now on.

@@ -125,9 +125,9 @@ class Stoermer(Method):
         def wide(x):
             return x.reshape(*(1,) * (rank - x.ndim), *x.shape, 1, 1)
 
-        def pull(t, *q):
-            force = field(t, jnp.concatenate([jnp.stack(q) if few else q[0], still]))[half:]
-            return list(force) if few else [force]
+        def accelerate(t, *q):
+            a = field(t, jnp.concatenate([jnp.stack(q) if few else q[0], still]))[half:]
+            return list(a) if few else [a]
 
         # It starts every column, so it is computed once, not in each of its uses.
         one = runtime_one(h.ravel()[0])
@@ -143,32 +143,30 @@ class Stoermer(Method):
             step, since, begins = length * row[0], length * row[1], row[2] > 0
             slot = row[3].ravel()[0].astype(int)
             # The displacement beyond v times the time, and the change of v, both since t.
-            (moved, faster, pulls), ends = carry
-            faster = [
+            (dqs, dvs, forces), ends = carry
+            dvs = [
                 jnp.where(begins, (0.5 * step) * f, u + step * a)
-                for f, u, a in zip(first, faster, pulls, strict=True)
+                for f, u, a in zip(first, dvs, forces, strict=True)
             ]
-            moved = [
-                jnp.where(begins, 0.0, x) + step * u for x, u in zip(moved, faster, strict=True)
-            ]
+            dqs = [jnp.where(begins, 0.0, x) + step * u for x, u in zip(dqs, dvs, strict=True)]
             at = (start + since).reshape(*times, _LANES, 1)
-            there = [a + (since * b + x) for a, b, x in zip(q, v, moved, strict=True)]
+            there = [a + (since * b + x) for a, b, x in zip(q, v, dqs, strict=True)]
             # Scalars are cheap to compute again, but arrays are not: each entry of a force would.
             there = there if few else [materialize(x, one) for x in there]
-            pulls = side_by_side(pull, at, *there, axes=2, apart=True)
-            new = [*moved, *(u + (0.5 * step) * a for u, a in zip(faster, pulls, strict=True))]
-            # Later substeps overwrite it until columns end.
+            forces = side_by_side(accelerate, at, *there, axes=2, apart=True)
+            new = [*dqs, *(u + (0.5 * step) * a for u, a in zip(dvs, forces, strict=True))]
+            # Until a column ends, the next substep overwrites its end.
             put = lax.dynamic_update_index_in_dim
             ends = [put(x, end, slot, 0) for x, end in zip(ends, new, strict=True)]
-            return (moved, faster, pulls), ends
+            return (dqs, dvs, forces), ends
 
         empty = [jnp.zeros((*x.shape[:-2], _LANES, 1)) for x in q]
         places = [jnp.zeros((len(weights), *x.shape)) for x in empty]
         begin = (empty, empty, empty), [*places, *places]
-        (moved, _, pulls), ends = lax.fori_loop(0, len(table), substep, begin)
+        (dqs, _, forces), ends = lax.fori_loop(0, len(table), substep, begin)
         # It is multiplied by one, or else XLA cuts the array into constants, each with its memory.
         weights = jnp.asarray(weights) * one
-        return _extrapolate(h, y, ends, weights, moved=moved, pulls=pulls)
+        return _extrapolate(h, y, ends, weights, dqs=dqs, forces=forces)
 
     def _growth(self, z: float) -> float:
         """Growth factor of a step of length 1 for q'' = -z^2 q."""
@@ -184,21 +182,21 @@ class Stoermer(Method):
 
 
 def _extrapolate(
-    h: Array, y: Array, ends: list[Array], weights: Array, *, moved: list[Array], pulls: list[Array]
+    h: Array, y: Array, ends: list[Array], weights: Array, *, dqs: list[Array], forces: list[Array]
 ) -> Advance:
-    """The step from the ends of its columns, and from the last places and forces of the lanes."""
+    """The step from the ends of its columns, and from the last `dqs` and forces of the lanes."""
     still = jnp.zeros_like(y[len(y) // 2 :])
     increment, error = (
         _join([_weighted_sum(weights[:, row], x) for x in ends], y.shape) for row in range(2)
     )
     increment = increment + jnp.concatenate([h * y[len(y) // 2 :], still])
     # The two columns with the most substeps end side by side, at nearly the same place.
-    there, forces = (
+    places, pair = (
         [_join([x[..., j, 0] for x in part], still.shape) for j in range(2)]
-        for part in (moved, pulls)
+        for part in (dqs, forces)
     )
-    ratio = fastest_rate(h * h * (forces[0] - forces[1]), there[0] - there[1], h * h * forces[0])
-    off = h * h * _steepness(forces, there) * y[: len(y) // 2]
+    ratio = fastest_rate(h * h * (pair[0] - pair[1]), places[0] - places[1], h * h * pair[0])
+    off = h * h * _steepness(pair, places) * y[: len(y) // 2]
     rounding = (
         _POSITION_ROUNDINGS * jnp.finfo(y.dtype).eps * jnp.abs(jnp.concatenate([off, off / h]))
     )
@@ -208,7 +206,7 @@ def _extrapolate(
 
 
 def _steepness(forces: list[Array], places: list[Array]) -> Array:
-    """How much forces change with positions, along the difference of two; for each motion."""
+    """The change of forces over that of positions between two places, for each motion."""
     largest = functools.partial(jnp.max, axis=0, keepdims=True)
     apart, change = (largest(jnp.abs(a - b)) for a, b in (places, forces))
     size = largest(jnp.abs(places[0]))

@@ -156,7 +156,7 @@ def crossings(
 
 def _every(rest: Callable[..., tuple[Crossings, Array]], y, t, side, limits: Limits) -> Crossings:
     """All crossings, by calls of one program, each from where the last one ended."""
-    # On the host, where other numbers of crossings are no other programs.
+    # On the host, where another number of crossings needs no other program.
     parts, stiff = [], np.asarray(limits.max_steps)[1]
     while True:
         found, left = rest(y, t, side, limits, _CROSSINGS_A_CALL)
@@ -197,7 +197,8 @@ def _find_jvp(primals, tangents, *, method, rows):
             return flow(field, y0, t0, end, ts, limits, method=method).ys
         # As in `events.until`: at a crossing at which a condition changes as well, the motion that
         # arrives is meant, so the last part of the way to each is in the branch of that motion.
-        # While it is held, one branch shows no sizes to measure errors by: the whole motion does.
+        # While the motion is held, one branch has no sizes by which errors are measured: the whole
+        # motion does.
         starts = jnp.where(arrivals.ended >= 0, ts, 0.5 * (arrivals.since + ts))
         starts = jax.lax.stop_gradient(starts)
         before = flow(field, y0, t0, starts[-1], starts, limits, method=method).ys

@@ -1,9 +1,9 @@
 """Where functions of the state first cross zero along a motion: the search behind `events`.
 
-Every accepted step is sampled at a few places, reached by steps of the method itself (an
-interpolant would be accurate to 7 digits only), for values and slopes. `are_settled` decides
-between which of these places a value may have crossed zero unseen; there the sampling is refined
-until the values decide, or the spacing reaches its minimum. So a value that dips below zero and
+In every accepted step values and slopes are sampled at a few places, reached by steps of the method
+itself (an interpolant would be accurate to 7 digits only). `are_settled` decides between which of
+these places a value may have crossed zero unseen; there the sampling is refined until the values
+decide, or the spacing reaches its minimum. So a value that dips below zero and
 comes back within a step is found, to rounding. The time found is polished to full precision.
 
 A value that is within rounding of zero at the start is on the side to which the motion goes, see
@@ -97,15 +97,15 @@ class Beginning(NamedTuple):
           wanted: (E,) signs after the crossings that count, 0 for both.
         """
         ahead = jnp.sign(h)
-        moved = _START_ROUNDINGS * (
+        rounding = _START_ROUNDINGS * (
             self.noise + jnp.abs(h) * self.speeds + h * h * self.curvature_rounding
         )
         moving = jnp.abs(self.slope) > _START_ROUNDINGS * self.speeds
         near = _CLOSE * jnp.stack([-h, h])
-        before, after = jax.vmap(lambda h: self._near(events, h, moved))(near)
+        before, after = jax.vmap(lambda h: self._near(events, h, rounding))(near)
         still = jnp.where(before * after < 0, after, -wanted)
         leaving = jnp.where(moving, ahead * jnp.sign(self.slope), still)
-        return jnp.where(jnp.abs(self.g) <= moved, leaving, jnp.sign(self.g))
+        return jnp.where(jnp.abs(self.g) <= rounding, leaving, jnp.sign(self.g))
 
     def _near(self, events: tuple, h: Array, noise: Array) -> Array:
         """(E,) signs a short time later, by the first terms of the series; 0 within rounding."""
@@ -119,11 +119,11 @@ class Beginning(NamedTuple):
 # f'''' w^4 / 384 with w the width of the stretch. The size of f'''' follows from the differences of
 # the third derivatives of neighbouring cubics. A cubic lies in the hull of its four Bernstein
 # coefficients, and its slope in that of their differences. So a stretch is settled if the
-# coefficients stay clear of zero by more than the doubt, or are monotone, so that the values at the
-# ends decide. Other stretches have to be sampled more closely.
+# coefficients stay clear of zero by more than the error of the cubic, or are monotone, so that the
+# values at the ends decide. Other stretches have to be sampled more closely.
 
-#: Factor by which fourth derivatives may exceed the estimate from neighbouring cubics.
-_BEND_SAFETY = 4.0
+#: Factor by which fourth derivatives may exceed their estimate from neighbouring cubics.
+_FOURTH_SAFETY = 4.0
 #: Error of a cubic with values and slopes at both ends: f'''' w^4 / 384 at most.
 _CUBIC_ERROR_DIVISOR = 384.0
 
@@ -178,14 +178,14 @@ class HermiteCubic(NamedTuple):
           after: signs at the second sample.
           noise: values up to this are rounding.
         """
-        doubt = _BEND_SAFETY / _CUBIC_ERROR_DIVISOR * fourth * self.width**4
+        error = _FOURTH_SAFETY / _CUBIC_ERROR_DIVISOR * fourth * self.width**4
         d0, d1 = self.width * self.slope0, self.width * self.slope1
         b1, b2 = self.g0 + d0 / 3, self.g1 - d1 / 3
         middle = b2 - b1
-        clear = (before == after) & (before * b1 > doubt) & (before * b2 > doubt)
-        rises = (d0 >= -noise) & (middle > doubt) & (d1 >= -noise)
-        falls = (d0 <= noise) & (middle < -doubt) & (d1 <= noise)
-        largest = jnp.maximum(jnp.maximum(jnp.abs(b1), jnp.abs(b2)), doubt)
+        clear = (before == after) & (before * b1 > error) & (before * b2 > error)
+        rises = (d0 >= -noise) & (middle > error) & (d1 >= -noise)
+        falls = (d0 <= noise) & (middle < -error) & (d1 <= noise)
+        largest = jnp.maximum(jnp.maximum(jnp.abs(b1), jnp.abs(b2)), error)
         largest = jnp.maximum(largest, jnp.maximum(jnp.abs(self.g0), jnp.abs(self.g1)))
         return clear | rises | falls | (largest <= noise)
 
@@ -193,13 +193,13 @@ class HermiteCubic(NamedTuple):
 # ---- The times of events, from brackets to full precision
 
 _MIN_BRACKET_PART = 2.0**-80  # part of a bracket: an event this close to its beginning is there
-#: Most Newton steps or bisections; about five are usual. At a flat zero every second look halves
-#: the bracket.
-_MAX_LOOKS = 200
-#: Part of a step over which a motion is a straight line, to rounding: it leaves it by the square of
-#: this.
+#: Most Newton steps or bisections; about five are usual. At a flat zero every second one halves the
+#: bracket.
+_MAX_EVALUATIONS = 200
+#: Part of a step over which a motion is a straight line, to rounding: its deviation from one is the
+#: square of this.
 _STRAIGHT = 1e-9
-_SHORT = 2.0**-20  # part by which the last correction falls short where the full one is too much
+_SHORT = 2.0**-20  # part by which the last correction is shortened where the full one is too long
 
 
 class Bracket(NamedTuple):
@@ -236,9 +236,9 @@ class _RootRefinement(NamedTuple):
     h: Array  # (E,) time of the next evaluation, or of the last one where done
     last: Array  # (E,) the last step of h
     back: Array  # (E,) length of the last step back, once Newton's method has converged
-    arrived: Array  # (E,) whether it has
+    converged: Array  # (E,) whether it has converged
     done: Array  # (E,)
-    y: Array  # (k, E) the states at the last look
+    y: Array  # (k, E) the states at the last evaluation
 
 
 def refine_roots(
@@ -247,20 +247,20 @@ def refine_roots(
     """(E,) times after t0 at which events happen, inf if not, and the states (k, E) then.
 
     It is Newton's method safeguarded by the bracket, with a bisection where its steps do not halve.
-    The search has arrived where a neighbour of the state, or of the time, is on the other side. The
-    size of the value is no criterion: a value that is flat at its zero is tiny far from it. The low
-    end may be the start of the motion, where the value is rounding noise, so its sign there is
-    taken from the bracket, not evaluated. In the end, when only rounding remains, the search steps
-    back to a state that is not beyond the event: a ball released below the floor, even by one
-    rounding, may never come above it, and would fall through.
+    It has converged when a neighbour of the state, or of the time, is on the other side. The size
+    of the value is no criterion: a value that is flat at its zero is tiny far from it. The low end
+    may be the start of the motion, where the value is rounding noise, so its sign there is taken
+    from the bracket, not evaluated. In the end, when only rounding remains, the search steps back
+    to a state that is not beyond the event: a ball released below the floor, even by one rounding,
+    may never come above it, and would fall through.
 
     Args:
       sampler: the events.
       t0: () time of the node.
       y0: (k,) state then.
       bracket: where each event is.
-      on: (E,) whether an event that is enclosed from the node on may have begun on it. One that has
-        not, and is beyond it at once, has jumped there.
+      on: (E,) whether the motion may have begun on an event whose bracket begins at the node. If it
+        has not, and is beyond the event at once, the value has jumped there.
     """
     found, towards = bracket.found, bracket.towards
     first = jnp.where(found, bracket.low, 0.0)
@@ -268,7 +268,7 @@ def refine_roots(
     eps = jnp.finfo(y0.dtype).eps
     least = _MIN_BRACKET_PART * jnp.abs(last - first)
 
-    def look(p: _RootRefinement) -> _RootRefinement:
+    def refine(p: _RootRefinement) -> _RootRefinement:
         ahead = sampler.after(t0, y0, p.h)
         g, slope, side = (jnp.diagonal(x) for x in (ahead.g, ahead.slope, ahead.side))
         # A start on the event may be beyond it by rounding, and leave before it returns.
@@ -280,14 +280,14 @@ def refine_roots(
         # Times relative to the node are finer than absolute ones: short bounces are resolved.
         fine = jnp.maximum(2 * eps * jnp.abs(p.h), least)
         exact = (side == 0) | (change <= fine) | (jnp.abs(high - low) <= fine)
-        arrived = p.arrived | exact
+        converged = p.converged | exact
         good = ((new - low) * (new - high) < 0) & (2 * change <= p.last)
         new = jnp.where(good, new, 0.5 * (low + high))
         at_begin = jnp.abs(high - first) <= 16 * least
-        done = arrived & ((g == 0) | (before != at_begin))
-        back = jnp.where(p.arrived, 2 * p.back, fine)
+        done = converged & ((g == 0) | (before != at_begin))
+        back = jnp.where(p.converged, 2 * p.back, fine)
         nearer = jnp.where(at_begin, high, p.h + jnp.clip(low - p.h, -back, back))
-        new = jnp.where(done, p.h, jnp.where(arrived, nearer, new))
+        new = jnp.where(done, p.h, jnp.where(converged, nearer, new))
         return _RootRefinement(
             n=p.n + 1,
             low=low,
@@ -295,13 +295,13 @@ def refine_roots(
             h=new,
             last=jnp.abs(new - p.h),
             back=back,
-            arrived=arrived,
+            converged=converged,
             done=done,
             y=ahead.y,
         )
 
     def going(p: _RootRefinement) -> Array:
-        return (p.n < _MAX_LOOKS) & (found & ~p.done).any()
+        return (p.n < _MAX_EVALUATIONS) & (found & ~p.done).any()
 
     h = 0.5 * (first + last)
     far, no = jnp.full_like(h, jnp.inf), jnp.zeros_like(found)
@@ -313,11 +313,11 @@ def refine_roots(
         h=h,
         last=far,
         back=far,
-        arrived=no,
+        converged=no,
         done=no,
         y=y,
     )
-    end = jax.lax.while_loop(going, look, begin)
+    end = jax.lax.while_loop(going, refine, begin)
     return jnp.where(found, end.h, jnp.inf), end.y
 
 
@@ -332,11 +332,11 @@ def move_onto_event(
 ) -> tuple[Array, Array]:
     """Time after t0 and state of an event, moved onto it without passing beyond it.
 
-    A step ends within rounding of the event. In a straight line from there the value can be brought
+    A step ends within rounding of the event. Along a straight line from there the value comes
     nearer to zero than the rounding of a step: a motion that starts there is known to start on the
-    event, without knowing how large the state has been. Where the value hardly changes, as the
-    length of a slow link, the line to zero would be long. It is not followed farther than a motion
-    is straight.
+    event, whatever the size of the state has been. Where the value hardly changes, as the length of
+    a slow link does, the line to zero would be long, and is followed no farther than a motion is
+    straight.
 
     Args:
       sampler: the events.
@@ -348,8 +348,8 @@ def move_onto_event(
       longest: () a time that the motion takes in one step.
     """
     t = t0 + jnp.where(jnp.isfinite(h), h, 0.0)
-    # Not that of the last look: there XLA computes a state anew for each of its uses, and the rate
-    # may be that of a neighbour beyond a surface, where a power is not defined.
+    # The rate of the last evaluation is not used: there XLA computes a state anew for each of its
+    # uses, so the rate may be that of a neighbour beyond a surface, where a power is not defined.
     rate = sampler.field.rate(t, y)
 
     def value(t, y):
@@ -361,7 +361,7 @@ def move_onto_event(
     more = jnp.stack([(1 - _SHORT) * on, on])
     new = y[None] + more[:, None] * rate[None]
     left = -towards * jax.vmap(value)(t + more, new)
-    # So short a part of a motion is straight; another rate, to see that, would compile long.
+    # So short a part of a motion is straight; a second rate to verify it takes long to compile.
     straight = jnp.abs(on) <= _STRAIGHT * jnp.abs(longest)
     nearer = straight & (left >= 0) & (left <= jnp.abs(g))
     best_h, best_y = h, y
@@ -386,7 +386,7 @@ _SIMULTANEOUS = (
     1e-13  # relative difference of times after a node up to which events are simultaneous
 )
 _MAX_PANELS = 4096  # most panels in a step, for a value that oscillates near zero
-_MAX_CLOCKED = 2**20  # likewise for a value with parts in time alone; beyond that it is unseen
+_MAX_CLOCKED = 2**20  # likewise for a value with parts in time alone; with more the search fails
 _PANEL_GROWTH = 4.0  # factor of the panel length after a settled panel
 
 
@@ -448,12 +448,12 @@ def first_crossing(
       limits: see `flow`.
       ts: (s,) times of samples.
       sides: for each event the sign of its values just after the start, 0 if it is not known. A
-        Python number other than 0 needs no look at the start, which is a third of the program.
+        Python number other than 0 saves the evaluation at the start, a third of the program.
       method: see `flow`.
       before: see `march`.
       on: (E,) whether the motion may start on each event, see `refine_roots`.
-      decides: whether the start decides on a side that is not known; (m,) or () for the m values
-        that are looked at. If not, it is the first that a value has.
+      decides: whether a side that is not known is determined at the start; () or (m,) for the m
+        values without a known side. If not, it is the first sign that the value has.
     """
     sampler = EventSampler(field, events, method)
     in_time = TimeDependence.of(events, len(y0))
@@ -468,12 +468,12 @@ def first_crossing(
     towards = seen.bracket.towards[which]
     longest = seen.bracket.high[which]
     h, y = move_onto_event(sampler, which, seen.t0, hs[which], ys[:, which], towards, longest)
-    # A step is checked at its end; for the shorter step to the event there is only this check.
+    # Step control checks whole steps; the shorter step to the event is checked only here.
     there = jnp.where(jnp.isfinite(h), h, 0.0)
     step = method.in_loops(1).advance(field.rate, seen.t0, there, seen.y0)
     size = StepControl.norm(step.error / allowed_error(limits.tolerance, sizes, seen.y0, y))
-    moved = jnp.isfinite(h) & (h != 0)
-    unseen = (out.status == int(Status.OK)) & (seen.unseen | (moved & ~(size < _TRUSTED_ERROR)))
+    nonzero = jnp.isfinite(h) & (h != 0)
+    unseen = (out.status == int(Status.OK)) & (seen.unseen | (nonzero & ~(size < _TRUSTED_ERROR)))
     status = jnp.where(unseen, int(Status.UNSEEN_WITHIN_STEP), out.status)
     status = jnp.where(jnp.isnan(seen.end.side).any(), int(Status.NOT_FINITE), status)
     found = Crossing(
@@ -493,7 +493,7 @@ def first_crossing(
 class _Samples(NamedTuple):
     """Events at one time, or at several along a first axis."""
 
-    part: Array  # () of the step
+    part: Array  # () time, as a part of the step
     g: Array  # (E,) values
     slope: Array  # (E,) in time
     side: Array  # (E,) sign of the value, or of the last one known; 0 where it stays at zero
@@ -615,7 +615,7 @@ class _CrossingWatch(Watch):
             new = _judge(search, samples, h, self.wanted, most)
             if self.in_time is None:
                 return new
-            # Half of the panel first, where not all that happens in it can be seen.
+            # If something may be hidden in the panel, half of it is searched first.
             begin = search.begin.part
             width = search.end - begin
             hidden = self.in_time.hide(t + begin * h, t + search.end * h) & (width > _MIN_PANEL)

@@ -21,8 +21,8 @@ from jaxdyn.solvers import Method
 _SIDE_ROUNDINGS = 4
 #: Directions in which neighbours of a state are evaluated, on both sides.
 _NEIGHBOUR_PAIRS = 3
-#: Largest change that the steepest slope of a part in time may make between a few looks, in
-#: multiples of the range that is seen: little more than a period of a sine.
+#: Largest change that the steepest slope of a part in time may make between a few samples, in
+#: multiples of the range of these: little more than a period of a sine.
 _FEW_WAVES = 4.0
 #: Roundings of state and time within which two events count as simultaneous.
 _COINCIDENCE_ROUNDINGS = 64
@@ -33,7 +33,7 @@ _LEAST_JUMP = 0.5
 
 
 class EventValues(NamedTuple):
-    """The E events at a point (t, y) of a motion, one entry each.
+    """The E events at a point (t, y) of a motion.
 
     Attributes:
       values: (E,) what crosses zero.
@@ -66,9 +66,9 @@ def directions(events: tuple) -> Array:
 def sizes(system: System, y: Array) -> Array:
     """(k,) the magnitudes to whose rounding the entries of a state are known.
 
-    It is the entry's own magnitude; with constraints it is the largest with the same unit, since a
-    projection mixes them: a velocity of 1e-33 m/s off the surface beside one of 1 m/s along it is
-    zero.
+    This is the entry's own magnitude; with constraints it is the largest with the same unit, since
+    a projection mixes them: a velocity of 1e-33 m/s off the surface, beside one of 1 m/s along it,
+    is zero.
     """
     if type(system).project is System.project:
         return jnp.abs(y)
@@ -77,7 +77,7 @@ def sizes(system: System, y: Array) -> Array:
 
 
 def evaluate(field, events: tuple, t: Array, y: Array, size: Array | float = 0.0) -> EventValues:
-    """The events of a motion at (t, y); an entry that was once as large as `size` is less exact."""
+    """The events of a motion at (t, y) whose entries were once as large as `size`."""
     here, (by_time, rows) = value_and_jacfwd(lambda t, y: values(events, t, y), (0, 1))(t, y)
     terms = jnp.concatenate([by_time[:, None], rows * field.rate(t, y)[None]], axis=-1)
     eps = jnp.finfo(y.dtype).eps
@@ -101,7 +101,7 @@ def curvature_rounding(field, events: tuple, t: Array, y: Array) -> Array:
 
 
 def sides(events: tuple, t: Array, y: Array, size: Array, here: Array) -> tuple[Array, Array]:
-    """(E,) signs of the values, 0 where rounding decides, and (E,) how much it changes them.
+    """(E,) signs of the values, 0 where rounding decides, and (E,) how much that changes values.
 
     A sign is known if all neighbours of the state have it. No bound on the value itself would do:
     y^5 is below every bound long before y is zero to rounding. A few neighbours are evaluated
@@ -115,8 +115,8 @@ def sides(events: tuple, t: Array, y: Array, size: Array, here: Array) -> tuple[
       size: (k,) magnitudes to whose rounding the state is known.
       here: (E,) the values.
     """
-    ways = _SIDE_ROUNDINGS * jnp.finfo(y.dtype).eps * _neighbours(len(y))
-    ts, ys = t + ways[:, 0] * t, y[None] + ways[:, 1:] * size[None]
+    shifts = _SIDE_ROUNDINGS * jnp.finfo(y.dtype).eps * _neighbours(len(y))
+    ts, ys = t + shifts[:, 0] * t, y[None] + shifts[:, 1:] * size[None]
     others = jax.vmap(functools.partial(values, events))(ts, ys)
     others = jnp.where(jnp.isfinite(others), others, here[None])
     side = jnp.sign(here)
@@ -128,9 +128,9 @@ def sides(events: tuple, t: Array, y: Array, size: Array, here: Array) -> tuple[
 def _neighbours(k: int) -> np.ndarray:
     """(2 p, 1 + k) shifts of time and state of size one; no two entries cancel in all of them."""
     rng = np.random.default_rng(0)
-    ways = rng.uniform(0.75, 1.25, (_NEIGHBOUR_PAIRS, 1 + k))
-    ways[1:] *= rng.choice([-1.0, 1.0], ways[1:].shape)
-    return np.concatenate([ways, -ways])
+    shifts = rng.uniform(0.75, 1.25, (_NEIGHBOUR_PAIRS, 1 + k))
+    shifts[1:] *= rng.choice([-1.0, 1.0], shifts[1:].shape)
+    return np.concatenate([shifts, -shifts])
 
 
 def values_and_signs(
@@ -143,7 +143,7 @@ def values_and_signs(
 
 
 class TimeDependence(eqx.Module):
-    """What the values of events do in time alone, which no step of the motion measures.
+    """How the values of events depend on time alone, which no step of the motion measures.
 
     Attributes:
       events: modules with ``value(t, y)``.
@@ -155,12 +155,12 @@ class TimeDependence(eqx.Module):
 
     @classmethod
     def of(cls, events: tuple, k: int) -> "TimeDependence | None":
-        """That of events of a state (k,); None if nothing is hidden, or conditions decide."""
+        """That of some events of a state (k,); None if they hide nothing, or have conditions."""
         plan = plan_of(_Values(events), k, waves=True)
         return cls(events, plan) if plan.hides and not plan.size else None
 
     def hide(self, t0: Array, t1: Array) -> Array:
-        """Whether () the values may do more between two times than a few looks show."""
+        """Whether () the values may vary more between two times than a few samples show."""
         system, none = _Values(self.events), jnp.zeros(0)
         return hides_in_time(self.plan, system, t0, t1, none, jnp.zeros(()), _FEW_WAVES)
 
@@ -263,13 +263,13 @@ def jumping_conditions(
         may = (jnp.abs(here) <= noise) & (along > 0) & ~jnp.asarray(plan.bends)
         off = jnp.where(may, (jnp.abs(here) + noise) / along, 0.0)
         h = 2 * jnp.max(off) + known * time
-        ways = jnp.stack([-h, h])
+        both = jnp.stack([-h, h])
 
         def near(h: Array) -> tuple[Array, Array]:
             ahead = (jnp.ones_like(t), rate)
             return jax.jvp(system.rate, (t + h, y + h * rate), ahead)
 
-        (before, after), slopes = (x[:, 0] for x in jax.vmap(near)(ways))
+        (before, after), slopes = (x[:, 0] for x in jax.vmap(near)(both))
         change = after - before
         left = jnp.abs(change - h * jnp.sum(slopes))
         jumps = (before * after < 0) & (left > _LEAST_JUMP * jnp.abs(change))
@@ -298,7 +298,7 @@ def crossing_values(events: tuple, jumping: list[Array | None], t: Array, y: Arr
 
 
 def _margins_of_value(event, t: Array, y: Array) -> Array:
-    """(e,) by how much each condition of a value is from changing."""
+    """(e,) how far each condition of a value is from changing."""
     system = _Values((event,))
     return plan_of(system, len(y)).evaluate(system, t, y)[1].margins
 

@@ -2,7 +2,7 @@
 
 `graph` has the nodes and their values; `formulas` runs through a rate's program with a node in
 place of each number, finds the formulas with the fewest products, in an order for computation, and
-evaluates a rate by them; `alternatives` has the whole numbers on the way, such as places in tables.
+evaluates a rate by them; `alternatives` has whole numbers within them, such as places in tables.
 Functions that are composed of others, for arithmetic with more digits, are in `formulas` as well.
 
 To add a function with a Taylor series, write a row of `FUNCTIONS` and one of `_VALUES` in `graph`,

@@ -14,7 +14,7 @@ import numpy as np
 
 from jaxdyn.solvers.formulas.graph import Graph, Node, NotElementary, Number
 
-#: Most values that are compared one after the other, which reads well; of more, half at a time.
+#: Most values that are compared one after the other, which reads well; more are bisected.
 LONGEST_CHAIN = 8
 
 
@@ -33,7 +33,7 @@ class Alternatives:
     ordered: bool = False
 
     def choose(self, graph: Graph, cases: Sequence[Number]) -> Number:
-        """The number that belongs to the value, of one for each of them."""
+        """The case, of one for each value, that belongs to the value taken."""
 
         def among(first: int, last: int) -> Number:
             if first == last:
@@ -177,11 +177,11 @@ def _entry(x: np.ndarray, at: tuple[int, ...]) -> Any:
     return a if isinstance(a, Node | Alternatives) or not hasattr(a, "item") else a.item()
 
 
-def _combine(graph: Graph, each: Alternatives, cases: list) -> Any:
-    """One number, from what it is for each value of a whole number."""
+def _combine(graph: Graph, index: Alternatives, cases: list) -> Any:
+    """One number from its cases, one for each value of a whole number."""
     if any(isinstance(a, Alternatives) for a in cases):
         raise NotElementary("a place in a table that depends on another one")
     if any(isinstance(a, Node | float) for a in cases):
-        return each.choose(graph, cases)
+        return index.choose(graph, cases)
     same = all(a == cases[0] for a in cases)
-    return cases[0] if same else dataclasses.replace(each, values=tuple(cases))
+    return cases[0] if same else dataclasses.replace(index, values=tuple(cases))

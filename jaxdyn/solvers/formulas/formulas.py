@@ -46,8 +46,8 @@ from jaxdyn.solvers.method import Rate
 
 # ---- Functions composed of others, for an arithmetic in which cancellation does not matter
 #
-# In doubles sinh x = (exp x - exp -x) / 2 is all rounding near 0; balls make up for it by more
-# bits.
+# In doubles sinh x = (exp x - exp -x) / 2 is all rounding near 0; ball arithmetic makes up for it
+# by more bits.
 
 
 def _half_sum(graph: Graph, a: Number, sign: float) -> Number:
@@ -215,7 +215,7 @@ def by_jax(primitive, params: dict, args: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def move(eqn, args: list[np.ndarray]) -> list[np.ndarray]:
-    """What an operation of `MOVES` makes of its arguments."""
+    """The results of an operation of `MOVES`."""
     name, params = eqn.primitive.name, dict(eqn.params)
     moved = range(len(args))[MOVES[name]]
     entries = [args[i].astype(object) for i in moved]
@@ -480,7 +480,7 @@ def _apply(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     if name == "scatter-add":
         return add_at(graph, eqn, args)
     of_conditions = bool(eqn.invars) and eqn.invars[0].aval.dtype == bool
-    if graph.written and name in ("ne", "xor") and of_conditions:  # the former of `jnp.mod`
+    if graph.written and name in ("ne", "xor") and of_conditions:  # the former is in `jnp.mod`
         return [elementwise(functools.partial(_differ, graph), args)]
     if name == "argmax" and of_conditions:
         return [alternatives.first_that_holds(args[0], *params["axes"])]
@@ -506,7 +506,7 @@ def _search(
         raise NotElementary(
             "a search in a table, as in jnp.interp: write its pieces with jnp.where"
         )
-    # Which side of equal numbers it takes is found out by an example.
+    # An example shows on which side of equal numbers it puts a number.
     others = (np.zeros(a.shape) for a in (x, *tangents))
     (example,) = by_jax(eqn.primitive, eqn.params, [np.arange(float(len(knots))), *others])
     return alternatives.place(graph, knots, x, equal=bool(example.flat[0]))
@@ -784,7 +784,7 @@ _MOST_GROWTH = 4
 #: derivatives compile twice as long as by arrays, with 430 (a four-bar linkage) three times.
 _MOST_MOVING = 200
 #: Operations whose derivatives formulas do not have, such as those with rules of their own.
-_AGREED = frozenset({"stop_gradient"})
+_OWN_DERIVATIVES = frozenset({"stop_gradient"})
 
 
 def simplify(rate: Rate) -> Rate:
@@ -833,7 +833,7 @@ def _short_formulas(program: ClosedJaxpr, t: Array, y: Array) -> tuple[Formulas,
     """The formulas of a rate, where they exist and are not much longer than its program."""
     found = [eqn for jaxpr in programs(program.jaxpr) for eqn in jaxpr.eqns]
     names = {eqn.primitive.name for eqn in found}
-    if names & _AGREED or any(name.startswith("custom_") for name in names):
+    if names & _OWN_DERIVATIVES or any(name.startswith("custom_") for name in names):
         return None
     arrays = ((*eqn.invars, *eqn.outvars) for eqn in found)
     sizes = sum(max((a.aval.size for a in every), default=0) for every in arrays)

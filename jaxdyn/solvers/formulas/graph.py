@@ -31,7 +31,7 @@ class Node:
     Attributes:
       index: its number in order of creation.
       op: "input" for what is integrated, "given" for what is known at run time, or an operation.
-      args: its operands: nodes and known numbers; for a sum, factors and terms in turn.
+      args: its operands: nodes and known numbers; for a sum, alternately factors and terms.
       moving: whether it changes within a step. Conditions count as steady: in a series they are,
         and in formulas that are only evaluated no value depends on it.
       value: () the number itself, where it is given.
@@ -184,7 +184,7 @@ class Graph:
         return {term: self._steady("mul", c, factor) for factor, term in parts}
 
     def keep(self, a: Number) -> None:
-        """Never take a sum apart within other sums: a small difference times a large slope."""
+        """Never take this sum apart in other sums: a small difference that has a large factor."""
         _, m = split_factor(a)
         if m is not None:
             self._kept.add(m)

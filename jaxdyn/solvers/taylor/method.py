@@ -290,6 +290,6 @@ def _in_one_array(pairs: list[tuple[Array, Array]], h: Array) -> Array:
     return found
 
 
-#: The first is for errors of 1e-6 and above. The others are defaults: the fewer products per order
-#: has, the higher the order.
+#: The first is for errors of 1e-6 and above. The others are defaults: the fewer products an order
+#: has, the higher the order that is used.
 TAYLOR8, TAYLOR12, TAYLOR14, TAYLOR16, TAYLOR20 = (Taylor(n) for n in (8, 12, 14, 16, 20))
