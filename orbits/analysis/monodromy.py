@@ -70,7 +70,7 @@ class Segments(NamedTuple):
         found = newton.solve(closed, x, lower=lower, upper=upper, **options)
         return Segments(equations, found.x, rtol) if found.converged else None
 
-    def monodromy(self, basis: np.ndarray, each: np.ndarray) -> "Returned":
+    def monodromy(self, basis: np.ndarray, entry_sizes: np.ndarray) -> "Returned":
         """The monodromy matrix from these segments."""
         equations, unknowns = self.equations, self.equations.unpack(self.x)
         closing, system = equations.closing, equations.scene_at(unknowns.parameter).system
@@ -92,7 +92,7 @@ class Segments(NamedTuple):
             *joints, last = np.asarray(_displacements(system, reached, targets))
             maps[:-1], back = np.reshape(joints, maps[:-1].shape) @ maps[:-1], last @ back
         once = functools.reduce(lambda m, step: step @ m, [*maps, np.asarray(back)])
-        m = np.linalg.matrix_power(map_in_units(once, each), times)
+        m = np.linalg.matrix_power(map_in_units(once, entry_sizes), times)
         known = type(system).project is System.project
         growth = times * float(np.linalg.slogdet(maps)[1].sum()) if known else math.nan
         return Returned(basis.T @ m @ basis, _status(m, status.max()), growth)
@@ -156,22 +156,22 @@ class Returned(NamedTuple):
         return self.gap if self.closes else 1.0
 
 
-def tangents_in(scene: Scene, each: np.ndarray) -> np.ndarray:
-    """(k, d) an orthonormal basis of the `tangents` at the start, in units of sizes `each` (k,)."""
-    return np.linalg.qr(tangents(scene, np.asarray(scene.y0)) / each[:, None])[0]
+def tangents_in(scene: Scene, entry_sizes: np.ndarray) -> np.ndarray:
+    """(k, d) an orthonormal basis of the `tangents` at the start, in units of the sizes (k,)."""
+    return np.linalg.qr(tangents(scene, np.asarray(scene.y0)) / entry_sizes[:, None])[0]
 
 
-def return_in_basis(orbit: Orbit, rtol, basis: np.ndarray, each: np.ndarray) -> Returned:
+def return_in_basis(orbit: Orbit, rtol, basis: np.ndarray, entry_sizes: np.ndarray) -> Returned:
     """The monodromy matrix by one run over the period, rotated back for a relative orbit.
 
-    The basis (k, d) is a basis of states in units of sizes `each` (k,).
+    The basis (k, d) is one of states in units of the sizes (k,).
 
     The displacement after a period is measured by the system's `difference`, since a quaternion
     and its negative are the same attitude.
     """
     m, status, end = _run(orbit, rtol)
-    m = basis.T @ map_in_units(np.asarray(m), each) @ basis
-    return Returned(m, _status(m, status), gap=gap(orbit, end, each=each))
+    m = basis.T @ map_in_units(np.asarray(m), entry_sizes) @ basis
+    return Returned(m, _status(m, status), gap=gap(orbit, end, entry_sizes=entry_sizes))
 
 
 def _status(m: np.ndarray, status) -> Status:

@@ -254,16 +254,16 @@ def stability(
 def judge(
     orbit: Orbit,
     segments: Segments | None,
-    each: np.ndarray,
+    entry_sizes: np.ndarray,
     *,
     rtol: float,
     along: np.ndarray | None,
     throw: bool,
 ) -> Stability:
-    """`stability` of an orbit whose segments may be known, with the entries' sizes `each` (k,)."""
+    """`stability` of an orbit whose segments may be known, with the sizes (k,) of the entries."""
     scene = orbit.scene
-    basis = tangents_in(scene, each)
-    runs = _Runs.of(segments, orbit, rtol, basis, each)
+    basis = tangents_in(scene, entry_sizes)
+    runs = _Runs.of(segments, orbit, rtol, basis, entry_sizes)
     fine, coarse = runs.fine, runs.coarse
     status = max(fine.status, coarse.status)
     if status != Status.OK:
@@ -271,8 +271,8 @@ def judge(
             raise IntegrationError(explanation(status, scene))
         return _unknown_stability(len(fine.m), status)
     m = fine.m
-    form = _form(scene, m, float(uncertainty(m, coarse.m, rtol)), basis, each)
-    split = _split_monodromy(orbit, m, coarse.m, form, basis, each, along)
+    form = _form(scene, m, float(uncertainty(m, coarse.m, rtol)), basis, entry_sizes)
+    split = _split_monodromy(orbit, m, coarse.m, form, basis, entry_sizes, along)
     q = split.q
     reduced = q.T @ m @ q
     # The rounding error is that of the whole matrix, not of the block.
@@ -305,7 +305,7 @@ def judge(
         verdict=verdict,
         symplectic_defect=form.defect,
         determinant_defect=None if form.defect is None else float(abs(np.linalg.det(m) - 1)),
-        monodromy=_in_entries(scene, m, basis, each),
+        monodromy=_in_entries(scene, m, basis, entry_sizes),
         conservative=form.kept,
         growth=float(norm(m)),
         closes=fine.closes,
@@ -339,35 +339,39 @@ class _Runs(NamedTuple):
     log_determinant: Callable[[], tuple[float, float]]
 
     @classmethod
-    def of(cls, segments: Segments | None, orbit: Orbit, rtol: float, basis, each) -> "_Runs":
+    def of(
+        cls, segments: Segments | None, orbit: Orbit, rtol: float, basis, entry_sizes
+    ) -> "_Runs":
         """The matrices of an orbit, from segments where a run ends far from its start."""
         if segments is not None:
-            found = cls._from_segments(segments, rtol, basis, each)
+            found = cls._from_segments(segments, rtol, basis, entry_sizes)
             if found is not None:
                 return found
 
         def at(rtol: float) -> Returned:
-            return return_in_basis(orbit, rtol, basis, each)
+            return return_in_basis(orbit, rtol, basis, entry_sizes)
 
         fine = at(rtol)
         if segments is None and orbit.mesh is None and _leaves(fine):
             segments = Segments.of(orbit)
-            found = None if segments is None else cls._from_segments(segments, rtol, basis, each)
+            found = (
+                None if segments is None else cls._from_segments(segments, rtol, basis, entry_sizes)
+            )
             if found is not None:
                 return found
         return cls(fine, at(coarser(rtol)), at, lambda: log_determinant(orbit))
 
     @classmethod
-    def _from_segments(cls, segments: Segments, rtol: float, basis, each) -> "_Runs | None":
+    def _from_segments(cls, segments: Segments, rtol: float, basis, entry_sizes) -> "_Runs | None":
         """The matrices from segments; None where these do not join at the tolerances."""
         first, second = segments.at(rtol), segments.at(coarser(rtol))
         if first is None or second is None:
             return None
 
         def at(rtol: float) -> Returned:
-            return (segments.at(rtol) or segments).monodromy(basis, each)
+            return (segments.at(rtol) or segments).monodromy(basis, entry_sizes)
 
-        fine, coarse = first.monodromy(basis, each), second.monodromy(basis, each)
+        fine, coarse = first.monodromy(basis, entry_sizes), second.monodromy(basis, entry_sizes)
         error = abs(fine.log_determinant - coarse.log_determinant) + ROUNDING
         return cls(fine, coarse, at, lambda: (fine.log_determinant, error))
 
@@ -433,36 +437,42 @@ def _widen(found: Eigenvalues, split: trivial.Split, m: np.ndarray) -> Eigenvalu
     return Eigenvalues(values, bars + np.fmin(ERROR_SAFETY * off * conditions, most))
 
 
-def _split_monodromy(orbit: Orbit, m, coarse, form: _Form, basis, each, along) -> trivial.Split:
+def _split_monodromy(
+    orbit: Orbit, m, coarse, form: _Form, basis, entry_sizes, along
+) -> trivial.Split:
     """M (d, d) split by what is known of the orbit; `coarse` is M at another tolerance."""
     scene, closing = orbit.scene, orbit.closing
     return trivial.Monodromy(
         scene=scene,
         m=m,
-        doubt=float(np.linalg.norm(m - coarse)),
+        error=float(np.linalg.norm(m - coarse)),
         basis=basis,
-        each=each,
+        entry_sizes=entry_sizes,
         ahead=closing.after(scene.system, scene.y0, orbit.angle, 1),
-        back=map_in_units(rotation_back(orbit), each) if closing.turns else None,
+        back=map_in_units(rotation_back(orbit), entry_sizes) if closing.turns else None,
         form=form.matrix if form.kept else None,
-        along=np.zeros((len(each), 0)) if along is None else along,
+        along=np.zeros((len(entry_sizes), 0)) if along is None else along,
     ).split()
 
 
-def _in_entries(scene: Scene, m: np.ndarray, basis: np.ndarray, each: np.ndarray) -> np.ndarray:
+def _in_entries(
+    scene: Scene, m: np.ndarray, basis: np.ndarray, entry_sizes: np.ndarray
+) -> np.ndarray:
     """(d, d) a map in the basis `tangents`, from its matrix in a basis of states in sizes."""
-    change = tangents(scene, np.asarray(scene.y0)).T @ (basis * each[:, None])
+    change = tangents(scene, np.asarray(scene.y0)).T @ (basis * entry_sizes[:, None])
     return change @ m @ np.linalg.inv(change)
 
 
-def _form(scene: Scene, m: np.ndarray, error: float, basis: np.ndarray, each: np.ndarray) -> _Form:
-    """The form for a map m (d, d) with an error, in a basis of states in sizes `each` (k,)."""
+def _form(
+    scene: Scene, m: np.ndarray, error: float, basis: np.ndarray, entry_sizes: np.ndarray
+) -> _Form:
+    """The form for a map m (d, d) with an error, in a basis of states in the sizes (k,)."""
     form, kept = symplectic_form(scene, scene.y0), True
     if form is not None:
-        form = basis.T @ (np.asarray(form) * each * each[:, None]) @ basis
-        kept = trivial.keeps_form(scene, each)
-    elif basis.shape[1] == len(each):  # no constraints
-        form = invariant_form(scene, each)
+        form = basis.T @ (np.asarray(form) * entry_sizes * entry_sizes[:, None]) @ basis
+        kept = trivial.keeps_form(scene, entry_sizes)
+    elif basis.shape[1] == len(entry_sizes):  # no constraints
+        form = invariant_form(scene, entry_sizes)
     if form is None:
         return _Form(None, None, False)
     form = form / (np.abs(form).max() or 1.0)
