@@ -12,7 +12,7 @@ Where the scene is conservative, M is symplectic. This is known better than M it
 proved from the rate, and the multipliers then come in pairs (`pair_reciprocals`).
 
 Each multiplier gets an error bar (see `jaxdyn.analysis.eigenvalues`), from the change of M between
-two tolerances and its rounding. Where that settles nothing, as for a multiplier of 1.0036 of an
+two tolerances and its rounding. If these bars decide nothing, as for a multiplier of 1.0036 of an
 orbit with close encounters, a third tolerance shows each entry of the error, not just its size.
 `map_verdict` of that file then judges the multipliers as "stable", "unstable" or "undecided".
 """
@@ -83,9 +83,11 @@ _NOT_CLOSED = (
     "The motion does not close after the period, so it has no multipliers. Look for the orbit "
     "first: orbits.find(scene, y0, period)."
 )
-_DOUBTFUL = 1e-2  # part of a multiplier above which its bar may be a chance agreement of noise
+_DOUBTFUL = (
+    1e-2  # relative bar above which a multiplier may be noise, in which runs agree by chance
+)
 _VAGUE = 0.1  # a multiplier with wider bars may be inside or outside of the unit circle
-_LOOSEST = 1e-9  # above this first tolerance runs may take the same few steps and show nothing
+_LOOSEST = 1e-9  # largest first tolerance of a third run: looser runs may all take the same steps
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,8 +109,8 @@ class Stability:
       symplectic_defect: largest entry of M^T J M - J over |M|^2 and that of J; None where the
         system has no canonical coordinates and its rate keeps no constant form J that can be found.
       determinant_defect: |det M - 1|; None likewise.
-      monodromy: (d, d) the matrix M, in the basis `tangents`; for a chain of legs, on what its
-        closing compares, in units of sizes.
+      monodromy: (d, d) the matrix M, in the basis `tangents`; for a chain of legs, on the
+        directions that its closing compares, in units of sizes.
       conservative: whether the rate is proved, to rounding, to keep a symplectic form.
       growth: norm of the same matrix for states in units of their sizes.
       closes: whether the motion ends near its start; if not, the verdict is "undecided".
@@ -203,7 +205,7 @@ class _Form(NamedTuple):
     Attributes:
       matrix: (d, d) the form; None if none is known.
       defect: how far the monodromy matrix is from keeping it.
-      kept: whether the flow keeps it, and the matrix does up to its error.
+      kept: whether the flow preserves the form, and the matrix does so up to its error.
     """
 
     matrix: np.ndarray | None
@@ -222,14 +224,14 @@ def stability(
     """The multipliers of an orbit, with error bars and a verdict.
 
     Args:
-      orbit: what `find` or `find_hybrid` returned. For a chain of legs the events count by their
+      orbit: what `find` or `find_hybrid` returned. For a chain of legs the events enter by their
         saltation matrices, and each position that its closing leaves out has a unit multiplier;
         integrals are not looked for.
-      rtol: tolerance of the variational equations; the orbit's own by default. A second run
-        at a hundred times that tolerance gives the error bars; where they leave the verdict
-        undecided, a third at ten times that tolerance makes them narrower.
-      along: (k, p) directions from the start to other orbits of the same scene, which exist by an
-        integral that the scene does not name. Each forces one more multiplier to be 1;
+      rtol: tolerance of the variational equations; the orbit's own by default. A second run at a
+        hundred times this tolerance gives the error bars; if these leave the verdict undecided, a
+        third run at ten times this tolerance makes them narrower.
+      along: (k, p) directions from the start to other orbits of the same scene, which exist because
+        of an integral that the scene does not name. Each forces one more multiplier to be 1;
         `continue_family` finds them.
       throw: raise if the motion cannot be integrated over its period at one of the two
         tolerances (a collision, the step limit), or if a chain grazes an event, where it has no
@@ -315,9 +317,9 @@ def judge(
 def _is_noise(found: Eigenvalues, orbit: Orbit) -> np.ndarray:
     """(p,) whether each multiplier may be noise, and its bar is wider than `_VAGUE`.
 
-    A bar is the difference of two runs, which may be a small part of noise in both of them.
-    For stiff motions no bar is too narrow to count: on a slow curve the rate is a small difference
-    of large terms, whose direction the rounding of the start changes.
+    A bar comes from the difference of two runs, which may be small by chance if both are noise.
+    For stiff motions `_VAGUE` does not apply: on a slow manifold the rate is a small difference of
+    large terms, and rounding of the start changes its direction.
     """
     vague = 0.0 if orbit.stiff else _VAGUE
     return found.bars > np.maximum(vague, _DOUBTFUL * np.abs(found.values))
@@ -330,7 +332,7 @@ class _Runs(NamedTuple):
       fine: the matrix at the first tolerance.
       coarse: the matrix at a coarser tolerance.
       at: the matrix at any tolerance.
-      log_determinant: the logarithm of its determinant, and the error of that.
+      log_determinant: computes the logarithm of the matrix's determinant, and its error.
     """
 
     fine: Returned
