@@ -83,9 +83,7 @@ _NOT_CLOSED = (
     "The motion does not close after the period, so it has no multipliers. Look for the orbit "
     "first: orbits.find(scene, y0, period)."
 )
-_DOUBTFUL = (
-    1e-2  # relative bar above which a multiplier may be noise, in which runs agree by chance
-)
+_DOUBTFUL = 1e-2  # relative bar above which a multiplier may be noise: runs may agree by chance
 _VAGUE = 0.1  # a multiplier with wider bars may be inside or outside of the unit circle
 _LOOSEST = 1e-9  # largest first tolerance of a third run: looser runs may all take the same steps
 

@@ -155,8 +155,8 @@ def continue_family(
         the largest orbit so far (`orbits.closing.sizes`); later steps are up to ten times as long.
       members: largest number of members.
       down: start towards a smaller parameter, or without one towards a shorter period; False for
-        a larger or longer one. By default that, except from a small orbit about an equilibrium, as
-        `from_hopf` finds it: then the family leads away from the equilibrium.
+        a larger or longer one. The default is False, except from a small orbit about an
+        equilibrium, as `from_hopf` finds it: then the family leads away from the equilibrium.
       within: bounds on the parameter, or without one on the period; a family that leaves them ends
         with the member on the bound.
       energies: bounds on the energy of the members, likewise; not for chains.
@@ -283,8 +283,8 @@ def switch_branch(
     here = surface.point(x, point.residual, 0, point.sizes)
     for size in _AMPLITUDES if amplitude is None else (amplitude,):
         found = surface.nearest(x + size * aside, across=aside, near=point)
-        # The known branch, which bends towards the other direction, would be as far away there as
-        # the root of the amplitude. With a given amplitude any orbit is accepted.
+        # The known branch, if it bends towards the other direction, is farther away there: by about
+        # the square root of the amplitude. With a given amplitude any orbit is accepted.
         beside = np.inf if amplitude is not None else _BESIDE * size
         if found is not None and here.distance(found.x) < beside:
             return surface.orbit(found), parameter_at(surface, found.x)
@@ -367,8 +367,8 @@ class _Problem(BranchProblem[Member]):
     def _loses_drive(self, orbit: Orbit | HybridOrbit) -> bool:
         """Whether the period is no multiple of the drive's.
 
-        Near a resonance without damping the drive is soon rounding beside the rate of the motion,
-        and then any period closes.
+        Near a resonance without damping the drive soon becomes rounding error of the rate, and then
+        any period closes.
         """
         equations = self.surface.equations
         if isinstance(equations, ChainEquations) or not equations.driven:
