@@ -105,7 +105,7 @@ def attracts(scene: Scene, ts: np.ndarray | None = None, ys: Array | None = None
 
 
 def has_several_points(system: System) -> bool:
-    """Whether a system is several free points, whose motion is seen from their centre of mass."""
+    """Whether a system is several free points, described relative to their centre of mass."""
     return isinstance(system, FreePoints) and len(system.m) > 1
 
 

@@ -137,7 +137,7 @@ class Orbit(eqx.Module):
         None if it was found by shooting.
       stiff: whether its motion is integrated by a stiff method.
       shift: largest change of an entry of the start from the guess that `find` was given.
-      hint: after a failed search, what may suit the guess better, such as a symmetric closing.
+      hint: after a failed search, a suggestion that suits the guess, such as a symmetric closing.
 
     Example:
       >>> import orbits

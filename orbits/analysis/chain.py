@@ -132,8 +132,8 @@ def return_map(orbit: HybridOrbit, rtol: float) -> ReturnMap:
     """The return map of a chain, its legs integrated at a tolerance.
 
     Raises:
-      ValueError: the chain grazes an event, has constrained states, or has a closing that does not
-        say that the motion repeats itself.
+      ValueError: the chain grazes an event, has constrained states, or has a closing that is not a
+        condition that the motion repeats itself.
     """
     scene = orbit.legs[0].scene
     entry_sizes = np.asarray(sizes(scene))
@@ -149,7 +149,7 @@ def return_map(orbit: HybridOrbit, rtol: float) -> ReturnMap:
     if not (
         q.shape[1] and np.abs(compared @ lost).max(initial=0.0) <= _SMALL * np.abs(compared).max()
     ):
-        remedy = "Close the chain by the difference of its ends, less what the motion is free in."
+        remedy = "Close the chain by the difference of its ends, in all entries that repeat."
         raise fail("closes", "a condition that the motion repeats itself", "another one", remedy)
     back = np.linalg.pinv(by_first @ q)
     flow = _flow(scene, start, rtol) / entry_sizes

@@ -75,7 +75,7 @@ def same_orbit(
 
     The symmetries are shifts in time; for several free points also the direction of time,
     rotations, reflections and relabelling of equal bodies; where these only attract each other by
-    Newton's law, also scaling; for chains of legs, also what their closing leaves out.
+    Newton's law, also scaling; for chains of legs, also changes that their closing leaves out.
 
     Args:
       a: an orbit.

@@ -105,11 +105,11 @@ class Stability:
         exp(+-2 pi i nu), one for each pair, None for a real pair.
       verdict: "stable", "unstable" or "undecided".
       symplectic_defect: largest entry of M^T J M - J over |M|^2 and that of J; None where the
-        system has no canonical coordinates and its rate keeps no constant form J that can be found.
+        system has no canonical coordinates and no constant form J that its rate preserves is found.
       determinant_defect: |det M - 1|; None likewise.
       monodromy: (d, d) the matrix M, in the basis `tangents`; for a chain of legs, on the
         directions that its closing compares, in units of sizes.
-      conservative: whether the rate is proved, to rounding, to keep a symplectic form.
+      conservative: whether the rate is proved, to rounding, to preserve a symplectic form.
       growth: norm of the same matrix for states in units of their sizes.
       closes: whether the motion ends near its start; if not, the verdict is "undecided".
       status: status of the integration over the period; unless it is OK, every number is NaN and
@@ -222,7 +222,7 @@ def stability(
     """The multipliers of an orbit, with error bars and a verdict.
 
     Args:
-      orbit: what `find` or `find_hybrid` returned. For a chain of legs the events enter by their
+      orbit: a result of `find` or `find_hybrid`. For a chain of legs the events enter by their
         saltation matrices, and each position that its closing leaves out has a unit multiplier;
         integrals are not looked for.
       rtol: tolerance of the variational equations; the orbit's own by default. A second run at a
@@ -236,8 +236,8 @@ def stability(
         multipliers; with False check `Stability.status`.
     Raises:
       ValueError: the orbit has traced values; a chain of legs was not found, grazes an event
-        (``throw=True``), has constrained states, or has a closing that does not say that it repeats
-        itself; `along` is given for a chain.
+        (``throw=True``), has constrained states, or has a closing that is not a condition that it
+        repeats itself; `along` is given for a chain.
       IntegrationError: the motion cannot be integrated over its period (``throw=True``).
     Limits: linear stability only. "stable" for a conservative scene means all non-trivial
       multipliers lie on the unit circle and cannot leave it within their bars.
@@ -440,7 +440,7 @@ def _widen(found: Eigenvalues, split: trivial.Split, m: np.ndarray) -> Eigenvalu
 def _split_monodromy(
     orbit: Orbit, m, coarse, form: _Form, basis, entry_sizes, along
 ) -> trivial.Split:
-    """M (d, d) split by what is known of the orbit; `coarse` is M at another tolerance."""
+    """M (d, d) split by its known directions; `coarse` is M at another tolerance."""
     scene, closing = orbit.scene, orbit.closing
     return trivial.Monodromy(
         scene=scene,

@@ -626,9 +626,9 @@ class Condition(Record):
     def fix(
         self, guess: np.ndarray, lower: np.ndarray, upper: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds (k + 1,) of start and period that keep the condition where the guess satisfies it.
+        """Bounds (k + 1,) of start and period that enforce the condition if the guess satisfies it.
 
-        An entry that bounds hold does not move at all, not even by rounding.
+        An entry held by its bounds does not change at all, not even by rounding.
         """
         del guess
         return lower, upper

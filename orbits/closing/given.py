@@ -22,7 +22,7 @@ DIFFERENTIATE = (
 )
 #: Distance from the start of a second state at which rates are compared, in units of the sizes.
 _BESIDE = 1e-3
-#: A guess that is nearer than this share of the drive's period to a multiple means that multiple.
+#: A guess within this share of the drive's period of a multiple of it stands for that multiple.
 _NEAR = 0.25
 #: Rates below this share of the sizes per radian of the span are rounding.
 _ROUNDING = 1e-6
@@ -160,7 +160,7 @@ def refuse_constraints(name: str, scene: Scene) -> None:
 
 
 def in_step(scene: Scene, period: float) -> float:
-    """The multiple of the drive's period that a guess of an orbit's period means.
+    """The multiple of the drive's period that a guess of an orbit's period stands for.
 
     Where the rate depends on time, the phase of the drive must close too.
 
@@ -260,7 +260,7 @@ def drive(scene: Scene, y: Array, period: Array, away: Array) -> Array:
     now, later = (jax.vmap(scene.rate, (0, None))(t, y) for t in (ts, ts + period))
     # The range over the whole period: at the fastest phases of a sine its values are almost equal.
     varies = jax.lax.stop_gradient(jnp.ptp(values, axis=0))
-    # What varies only by rounding is not a drive.
+    # A rate that varies only by rounding is not driven.
     rounding = _RATE_ROUNDINGS * jnp.finfo(float).eps * jnp.abs(values).max(axis=0)
     varies = jnp.where(varies > rounding, varies, jnp.inf)
     return ((later - now) / varies[None] + _switches(scene, ts, period)[:, None]).ravel()

@@ -60,7 +60,7 @@ def codec(extended: Extended) -> Codec:
 
 
 def about(extended: Extended) -> dict[str, Any]:
-    """What distinguishes the equations of a curve from others, besides the scenes."""
+    """The data, other than the scenes, that distinguish the equations of a curve from others."""
     return {
         "kind": str(extended.kind),
         "closing": encode(extended.closing),

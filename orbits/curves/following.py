@@ -40,7 +40,7 @@ from orbits.shooting.segment import Piece, linearize_end
 # Each kind has a test function of a point, which changes sign there; its zero is located along
 # the curve (`Chart.locate`). At a cusp both parameters turn: the test is their change along the
 # curve, projected on its direction before the cusp. The tests of the other kinds, in `steps`, are
-# functions of the multipliers besides the critical ones or, at the strong resonances of a torus
+# functions of the multipliers other than the critical ones or, at the strong resonances of a torus
 # point, of its angle.
 #
 # Reference: Kuznetsov (2004), Elements of Applied Bifurcation Theory, 3rd edition, chapters 9 and

@@ -177,7 +177,7 @@ def _tests(extended: Extended, found, cosine: float) -> dict[CodimensionTwo, flo
 
 
 def _besides(kind: Kind, values, bars, cosine: float):
-    """The multipliers besides the critical ones, with their bars."""
+    """The multipliers other than the critical ones, with their bars."""
     turn = np.exp(1j * np.arccos(complex(cosine)))
     critical = {Kind.FOLD: [1.0], Kind.DOUBLING: [-1.0], Kind.TORUS: [turn, 1 / turn]}
     for value in critical[kind]:

@@ -149,12 +149,12 @@ def _same(a: Member, b: Member) -> bool:
 def _bends(surface: Surface, a: Member, b: Member, fold: Member, certain: set[Kind]) -> bool:
     """Whether a family turns where another one crosses it, as the bent branch of a pitchfork does.
 
-    At a fold a multiplier passes through 1; at such a point it comes to 1 and returns.
+    At a fold a multiplier passes through 1; at such a point it reaches 1 and turns back.
     """
     test = _TESTS[Kind.BRANCH]
     if Kind.BRANCH not in certain or test(surface, a) * test(surface, b) < 0:
         return False
-    # Folds and branch points may come in one step, as on the way to a homoclinic orbit.
+    # A fold and a branch point may lie in one step, as on the way to a homoclinic orbit.
     here, beside = _distances_from_crossing(surface, fold, a, b)
     return here < _CROSSED * beside
 

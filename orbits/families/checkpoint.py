@@ -90,7 +90,7 @@ def what(surface: Surface) -> str:
 
 
 def about(surface: Surface) -> dict[str, Any]:
-    """What distinguishes the equations of a family from others, besides the scenes."""
+    """The data, other than the scenes, that distinguish the equations of a family from others."""
     equations = surface.equations
     if isinstance(equations, ChainEquations):
         closes = getattr(equations.closes, "__qualname__", type(equations.closes).__name__)

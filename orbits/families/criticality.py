@@ -164,8 +164,8 @@ class Criticality:
 _MEANING = {
     "fold": "Two orbits meet, and none is left beyond.",
     "transcritical": "Two families cross.",
-    "supercritical": "What branches off lies where the orbit is unstable, and takes its stability.",
-    "subcritical": "What branches off lies where the orbit is stable, and is unstable.",
+    "supercritical": "New motions exist where the orbit is unstable, and inherit its stability.",
+    "subcritical": "New motions exist where the orbit is stable, and are unstable.",
     "undecided": "The coefficient is zero within its bar: a point of codimension two is near.",
     "resonance": "The rotation is in a strong resonance (1:3 or 1:4): the coefficient does not "
     "decide. Search for the orbits of three or four periods.",

@@ -39,7 +39,7 @@ _ROUNDING = 1e-12  # two values of the parameter that differ by less, in units, 
 _SAMPLES = 200  # samples of an orbit, for the extremes of an entry
 #: Names in the file of a diagram.
 DOUBLINGS, FAILURE = "doublings", "failure"
-#: What a search or a continuation raises where there is nothing to find.
+#: The errors of a search or a continuation where there is nothing to find.
 _FAILURES = (ValueError, SearchError, IntegrationError)
 
 
@@ -72,7 +72,7 @@ class Diagram:
       equilibria: families of equilibria.
       orbits: families of orbits.
       depths: for each family of orbits, the number of doublings that lead to it.
-      failures: what was not found.
+      failures: the families that were not found.
     """
 
     equilibria: tuple[EquilibriumFamily, ...]
@@ -147,7 +147,7 @@ def diagram(
       path: file (.jsonl) to which each member is written as it is found; the same call resumes from
         it where it was interrupted. See `orbits.families.load`.
     Returns:
-      All families, and what could not be followed, with the reason.
+      All families, and those that could not be followed, with the reason.
     Raises:
       ValueError: there is no equilibrium near `start`, or a number is out of range; see
         `continue_equilibria`.

@@ -133,13 +133,13 @@ def graph(families: Sequence[Family] | Diagram) -> Graph:
     """The graph of families that meet at special points.
 
     Args:
-      families: families of one scene, or in one parameter of it; or what `diagram` returned.
+      families: families of one scene, or in one parameter of it; or a result of `diagram`.
     Returns:
       The families with the places at which two or more meet.
     Raises:
       ValueError: there is no family, or they differ in whether they have a parameter.
     Limits: host only. A family joins a place where it has a special point itself or near which it
-      ends; a family that passes a place without a special point is not seen.
+      ends; a family that passes a place without a special point is not detected.
     Example:
       >>> import jaxdyn, orbits
       >>> def make(mu):

@@ -46,7 +46,7 @@ def from_hopf(
     frequency; the parameter follows from the closing equations with the start held at a distance.
 
     Args:
-      family: what `jaxdyn.continue_equilibria` returned.
+      family: a result of `jaxdyn.continue_equilibria`.
       point: a Hopf point of ``family.special``.
       amplitude: distance of the start from the equilibrium in the units of the state, along the
         eigenvector in the phase at which its largest entry, in sizes, is at its maximum. By default

@@ -5,7 +5,7 @@ implicit function theorem for the orbit, so dp = -g_numbers / g_p dnumbers. At a
 test is det(M + 1), with M the derivative of the return map: the product of all l + 1 over the
 multipliers l. It is simple also where two multipliers of a conservative scene meet at -1, since
 (l + 1) (1 / l + 1) = l + 1 / l + 2 passes 0 with their index. At a branch point it is the same
-product of l - 1, of M on what is orthogonal to the flow and to the gradients of the integrals. At a
+product of l - 1, of M on the complement of the flow and of the gradients of the integrals. At a
 torus point it is |l|^2 - 1, with the critical multiplier l. At a fold, where orbits have no
 derivative with respect to the parameter, it is the part w F of the closing equations F that no
 change of the orbit moves, with w normal to the range of their Jacobian.
@@ -180,7 +180,7 @@ def differentiable_special(
     Raises:
       ValueError: `point` is of another kind, or not a generic one: the multiplier is not simple, or
         does not change with the parameter; or it is a branch point and the scene has symmetries or
-        integrals besides the flow and those that it names; or the scenes have other numbers than
+        integrals other than the flow and those that it names; or the scenes have other numbers than
         those with which it was found.
     """
     known = SpecialOrbit.of(point)
@@ -290,7 +290,7 @@ def _conserved(known: SpecialOrbit) -> list[str]:
     """The names of the integrals, which must be those that the scene names.
 
     Raises:
-      ValueError: there are other integrals, or symmetries besides the flow.
+      ValueError: there are other integrals, or symmetries other than the flow.
     """
     reasons = [reason for reason in known.stability.reasons if reason != "flow"]
     scene = known.orbit.scene

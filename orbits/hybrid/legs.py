@@ -131,7 +131,7 @@ class HybridOrbit:
 
     @property
     def ok(self) -> bool:
-        """Whether the chain closes and keeps its bounds."""
+        """Whether the chain closes and satisfies its bounds."""
         return self.outcome == Outcome.FOUND
 
     @property

@@ -290,7 +290,7 @@ def _check_timeless(name: str, part: Any, k: int) -> None:
 
 
 def check_legs(legs: tuple[Leg, ...]) -> None:
-    """Raise ValueError for what is not a chain of legs, or depends on time."""
+    """Raise ValueError for legs that do not form a chain, or that depend on time."""
     if not legs:
         raise fail("legs", "at least one", "none", "A chain has legs.")
     for i, leg in enumerate(legs):

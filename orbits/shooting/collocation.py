@@ -370,7 +370,7 @@ class Scales(NamedTuple):
     Attributes:
       state: (k,) units of a state.
       x: (n,) units of all unknowns.
-      closing: (m,) units of the equations besides the steps.
+      closing: (m,) units of the equations other than the steps.
     """
 
     state: np.ndarray
@@ -379,7 +379,7 @@ class Scales(NamedTuple):
 
 
 def scales_of(equations: Equations, x: np.ndarray) -> Scales:
-    """The largest absolute values of the entries of the states at x, and what follows from them."""
+    """The units at x, from the largest absolute values of the entries of the states."""
     states = np.asarray(pieces(equations, x).start)
     largest = np.abs(states).max(axis=0)
     largest = np.where(largest > 0, largest, sizes_at(equations, x))
@@ -591,7 +591,7 @@ class Collocation(Strategy):
         """
         problem, equations, effort = search.problem, search.equations, search.effort
         if has_constraints(equations.scene):
-            remedy = "Leave it out: by shooting."
+            remedy = "Leave it out, to search by shooting."
             raise fail("strategy", "one for a scene with projected constraints", self, remedy)
         if search.segments is not None:
             raise fail("segments", "none with collocation", search.segments)
@@ -611,7 +611,7 @@ class Collocation(Strategy):
 
     @staticmethod
     def may_help(search: Search, failed: Orbit) -> bool:
-        """Whether collocation may find what shooting did not.
+        """Whether collocation may find an orbit that shooting did not find.
 
         It may if the motion from the guess is stiff, or if integrations took too many steps.
         """

@@ -5,11 +5,11 @@ orbits, with d the distance of x from each. The product has all zeros of F but t
 Its Jacobian is m (J + F g^T) with g the gradient of log m, so that by the Sherman-Morrison formula
 the Newton step is that of F itself times 1 / (1 - g . step): it costs no more than a plain one.
 
-Distances are taken modulo what leaves an orbit the same (see `orbits.same_orbit`). The start may
-lie anywhere on the known orbit, run through once or twice. Several free points are compared by the
-dot products of their positions and velocities, which rotations, reflections and translations keep,
-for each order of equal bodies and both directions of time; those that only attract each other are
-scaled to the known period first.
+Distances are taken modulo the transformations that leave an orbit the same (`orbits.same_orbit`).
+The start may lie anywhere on the known orbit, run through once or twice. Several free points are
+compared by the dot products of their positions and velocities, which rotations, reflections and
+translations preserve, for each order of equal bodies and both directions of time; those that only
+attract each other are scaled to the known period first.
 
 Steps have a largest length and need not decrease the residual: m F has minima beside the known
 orbits, where a descent would end.
@@ -188,7 +188,7 @@ def deflate(
       equations: the closing equations.
       x: (n,) a guess.
       known: the known orbits.
-      effort: limits of steps and time, and what is called after each step.
+      effort: limits of steps and time, and the function that is called after each step.
     """
     lower, upper = equations.bounds(problem.lower, problem.upper)
     lower[-1] = max(lower[-1], min(_SHORTEST * x[-1], upper[-1]))
@@ -218,7 +218,7 @@ class DeflatedNewton(NamedTuple):
       sizes: (n,) sizes of the unknowns; the longest step is measured in them.
       bounds: lower and upper bounds (n,) of the unknowns, the last of which is a time.
       lost: x -> whether an iteration that reaches x should be abandoned.
-      effort: limits of steps and time, and what is called after each step.
+      effort: limits of steps and time, and the function that is called after each step.
     """
 
     closed: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]

@@ -117,7 +117,7 @@ def descend(
       x: (n,) the guess.
       lower: (n,) bounds of x.
       upper: (n,) bounds of x.
-      effort: the limit of time, and what is called with each step.
+      effort: the limit of time, and the function that is called with each step.
     """
     closed = InUnits(equations, x, _RTOL, effort.limits(_MAX_STEPS))
     units, entry_sizes = closed.units.x, closed.sizes

@@ -304,7 +304,7 @@ class Equations(eqx.Module):
 
 
 def _unfinished(k: int) -> LinearizedEnd:
-    """What `linearize_end` returns for a segment that is not integrated."""
+    """The result of `linearize_end` for a segment that is not integrated: NaN."""
     slopes = Piece(np.full((k, k), np.nan), *np.full((3, k), np.nan))
     return LinearizedEnd(np.full(k, np.nan), np.asarray(Status.STEP_LIMIT), np.asarray(0), slopes)
 
@@ -350,7 +350,7 @@ def errors(equations: Equations, x: Array, starts: Array, ends: Array) -> Array:
 
 @jax.jit
 def boundary(equations: Equations, x: Array, start: Array, end: Array) -> Array:
-    """(m,) the equations besides the joints: closing, conditions, and the period of a drive."""
+    """(m,) the equations other than the joints: closing, conditions, and the period of a drive."""
     unknowns = equations.unpack(x)
     scene = equations.scene_at(unknowns.parameter)
     miss = equations.closing.residual(scene.system, end, start, unknowns.angle)

@@ -89,7 +89,7 @@ def _start_and_rate(equations: Equations, x: Array) -> tuple[Array, Array]:
 
 
 def extents(equations: Equations, x: np.ndarray) -> np.ndarray:
-    """(k,) how far each entry of the state moves from the start at x; NaN where motions end early.
+    """(k,) how far each entry of the state moves from the start at x; NaN if a motion ends early.
 
     On a mesh the starts of the intervals suffice, since these are short where the motion is fast;
     segments of shooting are sampled.

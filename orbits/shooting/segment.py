@@ -23,7 +23,7 @@ MAX_STEPS = 200_000
 
 
 class Limits(NamedTuple):
-    """What ends the integrations of segments early.
+    """The limits at which integrations of segments end early.
 
     Attributes:
       max_steps: largest number of steps of one segment.
@@ -104,7 +104,7 @@ def end_of(
 
 
 def map_segments(integrate: Callable[[Piece], Any], pieces: Piece):
-    """What a function returns for each segment, stacked; several run at once, on all cores."""
+    """The results of a function for each segment, stacked; several run at once, on all cores."""
     count = len(pieces.span)
     inputs = [jax.tree.map(lambda leaf, i=i: leaf[i], pieces) for i in range(count)]
     if count == 1:  # starting a thread takes as long as a few integrations

@@ -28,7 +28,7 @@ SEGMENTS_MOST = 32
 #: Most segments that a caller may ask for; the equations for the unknowns of all of them form one
 #: matrix.
 _SEGMENTS_GIVEN_MOST = 256
-_NUMBERS = (1, 2, 4, 8, 16, SEGMENTS_MOST)  # numbers of segments; each is compiled once
+_NUMBERS = (1, 2, 4, 8, 16, SEGMENTS_MOST)  # numbers of segments that are tried, few to compile
 #: Other segments are worthwhile if they leave at most this share of the growth of errors.
 _WORTHWHILE = 0.5
 _SAME_CUTS = 0.1  # segments whose lengths differ by less, relatively, count as the same
@@ -78,8 +78,8 @@ def recut(
 ) -> Equations | None:
     """The equations in segments over which errors grow less than over the present ones at x (n,).
 
-    The segments are no fewer, and shorter where the motion at x changes faster. None where new
-    segments gain nothing.
+    There are at least as many segments, which are shorter where the motion at x changes faster.
+    None where new segments gain nothing.
 
     Args:
       equations: the equations.

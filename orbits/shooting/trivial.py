@@ -6,7 +6,7 @@ flow, and are confirmed in two ways: by these equations on the monodromy matrix 
 vector field f at points off the orbit, where w f = 0 and g commutes with f. (Where M is the unit
 matrix, as for an oscillator, the first test alone would confirm every candidate.)
 
-Where the flow keeps a symplectic form J, M^T J M = J, and each direction confirms another one
+Where the flow preserves a symplectic form J, M^T J M = J, and each direction confirms another one
 (Noether's theorem): from M g = g follows (J^T g) M = J^T g, and from w M = w follows
 M J^-T w = J^-T w. So the flow itself confirms an energy that the scene does not name.
 
@@ -17,7 +17,7 @@ translations: they are confirmed together, and have the multipliers exp(+-i angl
 
 M is split by these directions into blocks. The computed directions are not exactly those of M:
 near an equilibrium rates and gradients are differences of nearly equal numbers. `Split.residual`
-is how far M is from having the blocks, and so the distance of an exact matrix that has them.
+is how far M is from having the blocks: its distance from a matrix that has them exactly.
 """
 
 import contextlib
@@ -103,7 +103,7 @@ class Split(NamedTuple):
     turned: np.ndarray
 
     def residual(self, m: np.ndarray) -> float:
-        """The norm of what is below the blocks of M, which is zero in exact arithmetic."""
+        """The norm of the part of M below the blocks, which is zero in exact arithmetic."""
         inside = np.hstack([self.a, self.q])
         below = self.b.T @ m @ inside, self.q.T @ m @ self.a
         return float(np.sqrt(sum(np.sum(x * x) for x in below)))
@@ -165,7 +165,7 @@ class Monodromy:
       ahead: (k,) the state one period later for a relative orbit; the start for any other.
       back: (k, k) the map in sizes from states there to states here, the first factor of M; None
         where it is the identity.
-      form: (d, d) a symplectic form that M keeps; None if none is known.
+      form: (d, d) a symplectic form that M preserves; None if none is known.
       along: (k, n) directions along a family, in which M changes by a multiple of symmetries.
     """
 
