@@ -79,14 +79,14 @@ def _sizes(scene: Scene) -> np.ndarray:
         rates = np.abs(np.asarray(rates_at(scene, times(scene), y)))
         return np.where(np.isfinite(rates), rates, 0.0).max(axis=0)
 
-    place, moved = alike(scene, np.abs(y0)), alike(scene, radian * most(y0))
-    found = np.maximum(place, moved)
+    at_start, by_rate = alike(scene, np.abs(y0)), alike(scene, radian * most(y0))
+    found = np.maximum(at_start, by_rate)
     if groups(scene.system).known:
-        if ((0 < place) & (place < _REST * moved)).any():
+        if ((0 < at_start) & (at_start < _REST * by_rate)).any():
             # Rates that a group almost at rest causes are small only at the start.
             found = np.maximum(found, alike(scene, radian * most(y0 + found)))
         # The Jacobian takes a program of its own, and is rarely needed here.
-        if (moved < _SHARE * place).any():
+        if (by_rate < _SHARE * at_start).any():
             found = coupled_sizes(scene, found)
     else:
         found = coupled_sizes(scene, found)

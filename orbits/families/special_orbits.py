@@ -198,7 +198,7 @@ def _parameter(known: SpecialOrbit, path: Callable[[Array], Place]) -> Array:
     with jax.ensure_compile_time_eval():
         zero = _zero(known)
     is_special = jnp.abs(fixed.value).max() <= zero
-    # A factor makes the derivatives NaN as well; those of a selected constant would be zero.
+    # A factor NaN makes the derivatives NaN too; to select a constant NaN would make them zero.
     value = value - nan_unless(is_special, step)
     if is_traced(value):
         return value
@@ -220,8 +220,8 @@ class TestValue(NamedTuple):
 
     Attributes:
       value: (r,) the test.
-      slope: (r,) its derivative with respect to the parameter, without derivatives of its own:
-        second ones are not wanted.
+      slope: (r,) its derivative with respect to the parameter, without derivatives of its own,
+        since second derivatives are not needed.
     """
 
     value: Array

@@ -19,7 +19,7 @@ from orbits.hybrid.legs import Leg, Path
 
 #: Number of the scenes' spans within which a guess is followed to its events.
 _SPANS = 100.0
-_LOOK = 30  # number of events within which the motion has to return to its first phase
+_EVENTS_MOST = 30  # number of events within which the motion has to return to its first phase
 
 Phases = Mapping[str, Phase]
 
@@ -67,7 +67,7 @@ def legs_of(given: Sequence[Leg] | Phases, path: Path) -> tuple[Leg, ...]:
 
 def _suggest_count(phases: Phases, y0, span: float, first: str) -> str:
     """Advice for a number of events that does not lead back to the first phase."""
-    path = simulate_phases(phases, None, y0, span, samples=2, max_phases=_LOOK).path
+    path = simulate_phases(phases, None, y0, span, samples=2, max_phases=_EVENTS_MOST).path
     for n, (name, number) in enumerate(path, 1):
         if first in phases[name].exits[number].names:
             return f"Such as {n}."

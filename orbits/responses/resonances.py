@@ -127,7 +127,7 @@ def _turns(member: Member) -> np.ndarray:
 def _momenta(scene: Scene, y: Array) -> Array:
     """(n, k) derivative of the momenta with respect to the state.
 
-    The momenta are the canonical ones, else gradients of the energy, else the velocities.
+    The momenta are canonical, else derivatives of the energy by the velocities, else velocities.
     """
     t = jnp.zeros(())
 

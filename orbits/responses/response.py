@@ -187,7 +187,7 @@ _STANDS_OUT = 1e-2
 def _peak(curve: Family, output: Output) -> tuple[int, Member]:
     """The response of a curve with the largest amplitude, and the number of members before it.
 
-    An output without a value is no peak.
+    A response whose output is NaN is no peak.
     """
     heights = _heights(curve, output)
     if not np.isfinite(heights).any():
@@ -196,7 +196,7 @@ def _peak(curve: Family, output: Output) -> tuple[int, Member]:
 
 
 def _extremes(curve: Family, output: Output) -> list[tuple[int, Member]]:
-    """The peak of a curve and its other largest and smallest amplitudes, in order; see `_peak`."""
+    """The peak of a curve and its other extreme amplitudes, in order, each as from `_peak`."""
     heights = _heights(curve, output)
     found = [_peak(curve, output)]
     for sign in (1.0, -1.0):
