@@ -1,6 +1,6 @@
 """orbits: periodic orbits of jaxdyn's scenes, found, identified, tested for stability, checked.
 
-An example, from the rough guess of a textbook to Montgomery's figure-eight:
+An example, from a textbook's rough guess to Montgomery's figure-eight:
 
 >>> import jaxdyn
 >>> import orbits
@@ -26,7 +26,7 @@ from jaxdyn._doors import attribute_getter
 from jaxdyn.files import loading
 
 _listed, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-#: Moved in version 0.3.
+#: The folders to which names of this package moved in version 0.3.
 _MOVED = {
     "Certificate": "proof",
     "Closing": "closing",

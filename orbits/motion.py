@@ -27,9 +27,9 @@ from jaxdyn.solvers.choice import choose_method
 #: The smallest depth of the potential along a motion, as a share of the median, at which
 #: logarithmic time is used: that time diverges where the potential vanishes.
 _LEAST_DEPTH = 0.05
-_TRIALS = 40  # spans of logarithmic time that are tried for a motion
-_SAMPLES = 64  # samples of a motion, for the sizes of its entries
-_SAMPLE_RTOL = 1e-6  # a size needs no more digits
+_TRIALS = 40  # most trial spans of logarithmic time for one motion
+_SAMPLES = 64  # samples of a motion, from which the sizes of its entries follow
+_SAMPLE_RTOL = 1e-6  # tolerance of these samples: a size needs no more digits
 _SAMPLE_STEPS = 20_000  # step limit for a motion that is not known to be an orbit
 
 
@@ -43,7 +43,7 @@ def advance(
     solver: Solver | None = None,
     max_steps: int = MAX_STEPS,
 ) -> SolveResult:
-    """The end of a motion after a span of time; differentiable in all numbers but s.
+    """The end of a motion after a span of time; differentiable with respect to all but s.
 
     Args:
       scene: the scene; the motion starts at its start.
@@ -73,8 +73,9 @@ def quick_solve(
 ) -> SolveResult:
     """`jaxdyn.solve` in a smaller program, for motions that are computed only a few times.
 
-    With its stages in a loop a method compiles in a third of the time and runs in up to 1.5 times
-    as long. The end alone counts as one sample, since all numbers of samples share that program.
+    A method whose stages are in a loop compiles in a third of the time and takes up to 1.5 times
+    as long to run. If only the end is wanted, it is requested as one sample, since one compiled
+    program serves any number of samples.
     """
     method = choose_method(scene, solver, several=True).in_loops(1)
     if not len(ts) and not is_traced((scene, t0, t1, rtol, max_steps)):
@@ -83,7 +84,7 @@ def quick_solve(
 
 
 def other_solver(scene: Scene, solver: Method | None = None, *, logarithmic: bool) -> Method:
-    """A method that `advance` does not use for a scene, neither alone nor with tangents.
+    """A method other than those that `advance` uses for a scene, with tangents or without.
 
     A given solver, such as that for stiff motions, has no alternative and is returned as it is.
     """
@@ -104,7 +105,7 @@ def attracts(scene: Scene, ts: np.ndarray | None = None, ys: Array | None = None
 
 
 def has_several_points(system: System) -> bool:
-    """Whether a system is several free points, whose motion is seen from their centre of mass."""
+    """Whether a system is several free points, described relative to their centre of mass."""
     return isinstance(system, FreePoints) and len(system.m) > 1
 
 
@@ -124,11 +125,11 @@ def logarithmic_period(scene: Scene) -> float | None:
 
 
 def logarithmic_places(scene: Scene, n: int, rtol: float) -> np.ndarray | None:
-    """(n,) even places in logarithmic time over a scene's motion; None where that cannot be used.
+    """(n,) evenly spaced logarithmic times of a scene's motion; None if that time cannot be used.
 
-    They are interpolated from the times at trial places, by the program of `at_s` that the caller
-    needs anyway: `logarithmic_period` compiles a search for an event, which would be the longest
-    program of a report.
+    The logarithmic time of the whole motion is interpolated from the times at trial values, with
+    the program of `at_s` that the caller needs anyway: `logarithmic_period` would compile a search
+    for an event, the longest program of a report.
     """
     if not attracts(scene):
         return None
@@ -142,7 +143,7 @@ def logarithmic_places(scene: Scene, n: int, rtol: float) -> np.ndarray | None:
             found = np.interp(end, ts[reached], shares[reached] * s)
             if last < 2 * end:
                 return shares * found
-            s = (1 + 1 / 16) * found  # more finely, since it is only a part of these places
+            s = (1 + 1 / 16) * found  # again and finer: the motion covers few of these values
         elif reached.all():
             s = 2 * s
         else:

@@ -15,7 +15,7 @@ from orbits.closing.closings import Closing
 from orbits.closing.sizes import sizes
 from orbits.motion import logarithmic_period
 
-#: Largest closing error, in sizes, of an orbit that its start determines.
+#: Largest closing error, in sizes, at which the start still counts as determining its orbit.
 CLOSED = 1e-2
 
 
@@ -125,8 +125,8 @@ class Orbit(eqx.Module):
       closing: the closing condition.
       residual: () largest residual of the equations that were solved, in units of the sizes of the
         entries along the motion (`orbits.closing.sizes`): by how much each segment misses the start
-        of the next one, the last one the closing condition, and what else is held. A run over the
-        whole period closes worse where errors grow over it, as much as `orbits.recheck` says.
+        of the next one, the last one the closing condition, and the orbit other conditions. One run
+        over the whole period closes less well if errors grow over it; see `orbits.recheck`.
       outcome: how the search ended; unless it is FOUND, this is the best iterate, not an orbit.
       iterations: number of Newton steps.
       rtol: tolerance of the integrations.
@@ -137,13 +137,13 @@ class Orbit(eqx.Module):
         None if it was found by shooting.
       stiff: whether its motion is integrated by a stiff method.
       shift: largest change of an entry of the start from the guess that `find` was given.
-      hint: what may suit the guess of a search that failed better, such as a symmetric closing.
+      hint: after a failed search, a suggestion that suits the guess, such as a symmetric closing.
 
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes
       >>> orbit = orbits.find(scenes.oscillator(), period=6.0)
-      >>> print(str(orbit).partition(", residual")[0])  # which is rounding
+      >>> print(str(orbit).partition(", residual")[0])  # the residual is rounding
       Orbit of oscillator
         period   6.2831853071796 s
         closing  plain closing
@@ -179,7 +179,8 @@ class Orbit(eqx.Module):
     def live(self, path=None):
         """A page that runs the orbit beside a motion whose start is a thousandth away.
 
-        See `jaxdyn.player.live`. The other motion stays near a stable orbit and leaves any other.
+        See `jaxdyn.player.live`. The second motion stays near a stable orbit and leaves an unstable
+        one.
 
         Args:
           path: an .html file to write the page to; the page needs no other file.
@@ -239,16 +240,16 @@ def relocate(orbit: Orbit, scene: Scene) -> Orbit:
     return dataclasses.replace(orbit, scene=scene, s_period=s_period, mesh=mesh)
 
 
-def gap(orbit: Orbit, end: Array, periods: int = 1, each: np.ndarray | None = None) -> float:
-    """Largest entry, in sizes, by which a state misses the start after some whole periods.
+def gap(orbit: Orbit, end: Array, periods: int = 1, entry_sizes: np.ndarray | None = None) -> float:
+    """Largest entry, in sizes, of the difference between a state and the start some periods later.
 
     Args:
       orbit: the orbit.
       end: (k,) the state.
       periods: number of periods.
-      each: (k,) the sizes; by default those along the orbit.
+      entry_sizes: (k,) the sizes; by default those along the orbit.
     """
     system, y0 = orbit.scene.system, jnp.asarray(orbit.y0)
     target = orbit.closing.after(system, y0, orbit.angle, periods)
     off = np.asarray(system.difference(*map(np.asarray, (end, target))))
-    return float(np.abs(off / (sizes(orbit.scene) if each is None else each)).max())
+    return float(np.abs(off / (sizes(orbit.scene) if entry_sizes is None else entry_sizes)).max())

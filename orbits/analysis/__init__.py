@@ -4,14 +4,14 @@
 `jaxdyn/analysis/eigenvalues.py` decide what is stable; `chain` has the return map of a chain of
 legs; `pieces` splits the period of either into smooth pieces. `identity` has the invariants of an
 orbit, `same` and `alignment` compare two orbits, `words` describes their topology; `sensitivity`
-has the derivatives of an orbit by the parameters of its scene; `evidence` has independent checks
-and the digits that they confirm, `report` all of it as a record; `quantities` has numbers by which
-families are drawn.
+has the derivatives of an orbit with respect to the numbers of its scene; `evidence` has independent
+checks and the digits that they confirm, `report` collects all of it in a record; `quantities` has
+the numbers by which families are drawn.
 
 May import: `shooting`, `hybrid`.
 
 To add an analysis, write one file that takes an `Orbit`, a line in ``orbits/__init__.pyi``, and a
-claim in `report` if files and commands shall state it.
+claim in `report` if files and commands are to state it.
 """
 
 import lazy_loader

@@ -19,7 +19,7 @@ from jaxdyn.scene import Scene
 from orbits.motion import gravitates, quick_solve
 from orbits.orbit import Orbit
 
-#: Largest distance of two orbits that count as the same one, relative to their size.
+#: Largest distance between two orbits that count as the same one, relative to their size.
 TOLERANCE = 1e-6
 SAMPLES = 2048  # samples of one period
 _ROUNDS = 6  # Gauss-Newton steps on the shift in time
@@ -186,7 +186,10 @@ def _orders(one: np.ndarray, two: np.ndarray):
 
 
 def distance_after_rotation(here: np.ndarray, there: np.ndarray) -> tuple[float, bool]:
-    """Largest distance of positions after the best rotation, and whether it is improper."""
+    """Largest difference of states after the best rotation, and whether the rotation is improper.
+
+    Positions and velocities are relative to their largest values.
+    """
     d = here.shape[-1]
     sizes = [float(np.abs(here[:, i]).max()) for i in range(2)]
     p, q = (

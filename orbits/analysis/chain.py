@@ -29,7 +29,7 @@ from orbits.closing.sizes import sizes
 from orbits.hybrid.equations import closing_error, closing_in_sizes, pass_leg
 from orbits.hybrid.legs import HybridOrbit, Leg
 
-_SMALL = 1e-6  # relative values below this are taken for zero
+_SMALL = 1e-6  # relative values below this count as zero
 
 
 class ReturnMap(NamedTuple):
@@ -38,7 +38,7 @@ class ReturnMap(NamedTuple):
     Attributes:
       m: (d, d) the map on all that the closing compares.
       flow: (d,) the rate at the start, in the same basis.
-      advances: number of directions that the closing leaves out.
+      advances: number of directions that the closing does not compare.
     """
 
     m: np.ndarray
@@ -50,7 +50,8 @@ class Transitions(NamedTuple):
     """The maps of states from the start of each leg to that of the next.
 
     Attributes:
-      maps: (n, k, k) maps of deviations, in units of the sizes at both ends, up to a grazed event.
+      maps: (n, k, k) maps of deviations, in units of the sizes at both ends; they end at a grazed
+        event.
       end: (k,) the state after the last leg, or after a grazed event.
       grazed: index of a leg that ends at an event that is grazed, not crossed; None without one.
     """
@@ -81,7 +82,7 @@ class _Passage(NamedTuple):
 def _pass(leg: Leg, after: Scene, y: Array, spans: tuple, rtol) -> _Passage:
     """The passage of a leg to the scene `after` of the next one, differentiable in all numbers.
 
-    Where rates jump at the event, each is that of its own side, before and after.
+    Where the rate jumps at the event, f- is taken just before the event and f+ just after it.
 
     Args:
       leg: the leg.
@@ -114,14 +115,16 @@ def transitions(orbit: HybridOrbit, rtol: float) -> Transitions:
         if tangents(leg.scene, np.asarray(leg.scene.y0)).shape[1] < len(y):
             remedy = "Write the legs in coordinates without constraints."
             raise fail(f"legs[{i}]", "free coordinates", "constrained ones", remedy)
-        following, each = (i + 1) % len(orbit.legs), units[i]
+        following, entry_sizes = (i + 1) % len(orbit.legs), units[i]
         after = orbit.legs[following].scene
         passed = _pass(leg, after, y, (leg.scene.t1, after.t1), traced)
         y, step, gradient, speed = map(np.asarray, passed)
         flow = _flow(leg.scene, leg.scene.y0, rtol)
-        if not abs(speed) > _SMALL * np.abs(gradient * each).sum() * _pace(flow, each):
+        if not abs(speed) > _SMALL * np.abs(gradient * entry_sizes).sum() * _pace(
+            flow, entry_sizes
+        ):
             return Transitions(maps, y, i)
-        maps.append(step * each / units[following][:, None])
+        maps.append(step * entry_sizes / units[following][:, None])
     return Transitions(maps, y, None)
 
 
@@ -129,27 +132,27 @@ def return_map(orbit: HybridOrbit, rtol: float) -> ReturnMap:
     """The return map of a chain, its legs integrated at a tolerance.
 
     Raises:
-      ValueError: the chain grazes an event, has constrained states, or has a closing that does not
-        say that the motion repeats itself.
+      ValueError: the chain grazes an event, has constrained states, or has a closing that is not a
+        condition that the motion repeats itself.
     """
     scene = orbit.legs[0].scene
-    each = np.asarray(sizes(scene))
+    entry_sizes = np.asarray(sizes(scene))
     start = np.asarray(orbit.y0)
     maps, y, grazed = transitions(orbit, rtol)
     if grazed is not None:
         remedy = "Where a chain grazes an event its return map has no derivative."
         raise fail(f"legs[{grazed}]", "an event that is crossed", "a grazed one", remedy)
     m = functools.reduce(lambda m, step: step @ m, maps)
-    by_end, by_first = closing_in_sizes(orbit.closes, y, start, each)
+    by_end, by_first = closing_in_sizes(orbit.closes, y, start, entry_sizes)
     q, lost = _compared(by_first)
     compared = by_end @ m
     if not (
         q.shape[1] and np.abs(compared @ lost).max(initial=0.0) <= _SMALL * np.abs(compared).max()
     ):
-        remedy = "Close the chain by the difference of its ends, less what the motion is free in."
+        remedy = "Close the chain by the difference of its ends, in all entries that repeat."
         raise fail("closes", "a condition that the motion repeats itself", "another one", remedy)
     back = np.linalg.pinv(by_first @ q)
-    flow = _flow(scene, start, rtol) / each
+    flow = _flow(scene, start, rtol) / entry_sizes
     return ReturnMap(-back @ compared @ q, q.T @ flow, lost.shape[1])
 
 
@@ -170,21 +173,21 @@ def differentiable_return_map(
         j = (i + 1) % len(legs)
         y, step, *_ = _pass(leg, legs[j].scene, y, (spans[i], spans[j]), rtol)
         m = step @ m
-    # What the closing leaves out may change with the numbers. The map on the quotient does not
-    # depend on the basis that represents it.
+    # The directions that the closing does not compare may change with the numbers. But the map on
+    # the quotient does not depend on the basis that represents it.
     with jax.ensure_compile_time_eval():
-        each = np.asarray(sizes(known.legs[0].scene))
-        q, _ = _compared(closing_in_sizes(known.closes, known.y0, known.y0, each)[1])
-    by_end, by_first = (x * each[None] for x in closing_error(known.closes, y, start)[1])
+        entry_sizes = np.asarray(sizes(known.legs[0].scene))
+        q, _ = _compared(closing_in_sizes(known.closes, known.y0, known.y0, entry_sizes)[1])
+    by_end, by_first = (x * entry_sizes[None] for x in closing_error(known.closes, y, start)[1])
     back = jnp.linalg.pinv(by_first @ q)
-    return -back @ by_end @ (m * each[None] / each[:, None]) @ q
+    return -back @ by_end @ (m * entry_sizes[None] / entry_sizes[:, None]) @ q
 
 
 def _compared(by_first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Orthonormal bases (k, p) of what a closing compares, and (k, k - p) of what it leaves out."""
-    _, values, ways = np.linalg.svd(by_first)
+    """Orthonormal bases (k, p) of the directions that a closing compares, (k, k - p) of others."""
+    _, values, directions = np.linalg.svd(by_first)
     p = int((values > _SMALL * values.max(initial=0.0)).sum())
-    return ways[:p].T, ways[p:].T
+    return directions[:p].T, directions[p:].T
 
 
 def _flow(scene: Scene, y, rtol: float) -> np.ndarray:
@@ -192,14 +195,15 @@ def _flow(scene: Scene, y, rtol: float) -> np.ndarray:
     return np.asarray(rate_from(scene, jnp.asarray(y), scene.t1, rtol=np.asarray(rtol, float)))
 
 
-def _pace(flow: np.ndarray, each: np.ndarray) -> float:
-    return float(np.abs(flow / each).max())
+def _pace(flow: np.ndarray, entry_sizes: np.ndarray) -> float:
+    return float(np.abs(flow / entry_sizes).max())
 
 
 def without_flow(returns: ReturnMap) -> tuple[np.ndarray, bool]:
-    """(basis, whether the map keeps the direction of the flow), where the basis omits a kept flow.
+    """A basis without the direction of the flow, and whether the map preserves that direction.
 
-    The map does not keep it if a leg lasts a fixed time and is followed by another rate.
+    If it does not, the basis is complete. That happens if a leg of fixed duration is followed by
+    another rate.
     """
     m, flow = returns.m, returns.flow
     kept = np.linalg.norm(flow) > 0 and np.linalg.norm(m @ flow - flow) <= _SMALL * (

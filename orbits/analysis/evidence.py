@@ -47,7 +47,7 @@ class Recheck:
 def closure(
     orbit: Orbit | HybridOrbit, *, periods: int = 1, rtol: float | None = None, solver=None
 ) -> float:
-    """Largest entry of the state minus the start after some periods; NaN if not reached.
+    """Largest entry of the state after some periods minus the start; NaN if not reached.
 
     Each entry is in units of its size along the orbit (`orbits.closing.sizes`). For a relative
     orbit the start is rotated accordingly. For a chain of legs the result is the largest error of
@@ -81,9 +81,9 @@ def _in_units(orbit: HybridOrbit) -> tuple[np.ndarray, np.ndarray]:
     """(m, u) the Jacobian of a chain's equations in units, and (m,) the units of the equations."""
     chain, spans = ChainEquations.of(orbit), orbit.spans
     found = chain.linearize(chain.pack(np.asarray(orbit.y0), spans), orbit.rtol)
-    each = chain.sizes(found, spans)
-    rows = chain.residual_units(found, spans, each)
-    return found.jacobian * chain.pack(each[0], spans) / rows[:, None], rows
+    leg_sizes = chain.sizes(found, spans)
+    rows = chain.residual_units(found, spans, leg_sizes)
+    return found.jacobian * chain.pack(leg_sizes[0], spans) / rows[:, None], rows
 
 
 def growth(orbit: Orbit | HybridOrbit) -> float:
@@ -170,7 +170,7 @@ def _digits(error: float) -> float:
 
 
 def _other(orbit: Orbit) -> Method:
-    """A method that the search for the orbit did not use, neither for the motion nor tangents."""
+    """A method that the search for the orbit did not use, with tangents or without."""
     return other_solver(orbit.scene, orbit.solver, logarithmic=orbit.s_period is not None)
 
 

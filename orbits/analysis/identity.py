@@ -109,9 +109,9 @@ def scale_free_period(scene: Scene, period: float, energy: float) -> float | Non
 
     It is T |E|^(3/2) / (G p^(3/2) / m^(1/2)), where m is the mean mass and p the mean product of
     the masses of two bodies; test particles do not count. For equal masses this is
-    T |E|^(3/2) / (G m^(5/2)), the figure of the literature with its G = m = 1, and for two bodies
-    it is pi / 2, whatever their masses and the ellipse (Kepler's third law). Tables of unequal
-    masses with G = 1 mostly print T |E|^(3/2) itself, which is this times p^(3/2) / m^(1/2).
+    T |E|^(3/2) / (G m^(5/2)), the value of the literature, which sets G = m = 1. For two bodies it
+    is pi / 2 for all masses and ellipses (Kepler's third law). Tables of unequal masses with G = 1
+    mostly print T |E|^(3/2) itself, which is this number times p^(3/2) / m^(1/2).
 
     Args:
       scene: the scene of the motion.
@@ -149,7 +149,7 @@ def conserved_values(orbit: Periodic) -> tuple[float | None, float | None]:
             ts, ys = at_s(scene, orbit.s_period * moments, orbit.rtol)
         runs.append((scene, np.asarray(ts), np.asarray(ys)))
     e = _constant([_energy(*run) for run in runs if run[0].has_energy], len(runs))
-    return e, _constant([_momentum(*run) for run in runs if _turns(*run)], len(runs))
+    return e, _constant([_momentum(*run) for run in runs if _has_plane(*run)], len(runs))
 
 
 def _energy(scene: Scene, ts: np.ndarray, ys: np.ndarray) -> tuple[np.ndarray, float]:
@@ -157,7 +157,7 @@ def _energy(scene: Scene, ts: np.ndarray, ys: np.ndarray) -> tuple[np.ndarray, f
     return np.asarray(values), float(size)
 
 
-def _turns(scene: Scene, ts: np.ndarray, ys: np.ndarray) -> bool:
+def _has_plane(scene: Scene, ts: np.ndarray, ys: np.ndarray) -> bool:
     """Whether the scene has points in a space of more than one dimension."""
     return scene.has_points and jax.eval_shape(scene.points, ts[0], ys[0]).r.shape[1] > 1
 
@@ -200,8 +200,8 @@ def permutation_error(orbit: Orbit) -> float | None:
     flow = quick_solve(orbit.scene, orbit.period / n, rtol=orbit.rtol, solver=orbit.solver)
     end = np.asarray(flow.y1)
     rings, y0 = choreography(n, system.d), np.asarray(orbit.y0)
-    each = sizes(orbit.scene)
-    return min(float(np.abs((end - ring.symmetry.act(y0)) / each).max()) for ring in rings)
+    entry_sizes = sizes(orbit.scene)
+    return min(float(np.abs((end - ring.symmetry.act(y0)) / entry_sizes).max()) for ring in rings)
 
 
 @check_first

@@ -1,6 +1,6 @@
 """The monodromy matrix of an orbit, rotated back for a relative orbit.
 
-It comes from one run over the period, or from segments that join: where errors grow much, a run
+It comes from one run over the period, or from segments that join: where errors grow strongly, a run
 leaves the orbit, and its matrix is that of another motion.
 """
 
@@ -31,8 +31,8 @@ from orbits.shooting.segmentation import cut_into_segments
 _SAMPLES = 1024  # samples of a period, for the mean of the divergence
 _ROUNDING = 1e-12  # rounding error of that mean, relative to its size
 _FEWER = 2  # how many fewer nodes give a second opinion on an orbit by collocation
-#: Most Newton steps towards segments that join, and the error at which they do; iterations continue
-#: to the rounding level.
+#: Most Newton steps towards segments that join, and the error at which they count as joined; the
+#: iteration continues to the rounding level.
 _STEPS, _JOINED = 8, 1e-9
 _SAME = 1e-8  # how far, in sizes, the start and the period may move in these steps
 
@@ -70,7 +70,7 @@ class Segments(NamedTuple):
         found = newton.solve(closed, x, lower=lower, upper=upper, **options)
         return Segments(equations, found.x, rtol) if found.converged else None
 
-    def monodromy(self, basis: np.ndarray, each: np.ndarray) -> "Returned":
+    def monodromy(self, basis: np.ndarray, entry_sizes: np.ndarray) -> "Returned":
         """The monodromy matrix from these segments."""
         equations, unknowns = self.equations, self.equations.unpack(self.x)
         closing, system = equations.closing, equations.scene_at(unknowns.parameter).system
@@ -92,14 +92,14 @@ class Segments(NamedTuple):
             *joints, last = np.asarray(_displacements(system, reached, targets))
             maps[:-1], back = np.reshape(joints, maps[:-1].shape) @ maps[:-1], last @ back
         once = functools.reduce(lambda m, step: step @ m, [*maps, np.asarray(back)])
-        m = np.linalg.matrix_power(map_in_units(once, each), times)
+        m = np.linalg.matrix_power(map_in_units(once, entry_sizes), times)
         known = type(system).project is System.project
         growth = times * float(np.linalg.slogdet(maps)[1].sum()) if known else math.nan
         return Returned(basis.T @ m @ basis, _status(m, status.max()), growth)
 
 
 def _mirror_image(here: Piece, end: np.ndarray, mirror: Symmetry, driven: bool) -> Piece:
-    """The n segments of the next part of a motion, which retraces these by a time reversal."""
+    """The n segments of the next part of a motion, which retraces these in reversed time."""
     starts = np.concatenate([end[None], here.start[:0:-1]])
     later = 2 * float(np.sum(here.span)) - (here.t0 + here.span)[::-1]
     return Piece(
@@ -123,7 +123,7 @@ def _image(closing: Closing, system: System, end: Array, angle) -> tuple[Array, 
 
 @jax.jit
 def _displacements(system: System, ends: Array, starts: Array) -> Array:
-    """(n, k, k) derivatives in the ends of the displacements of ends (n, k) from starts (n, k)."""
+    """(n, k, k) derivatives, with respect to ends (n, k), of their displacements from starts."""
     return jax.vmap(jax.jacfwd(system.difference))(ends, starts)
 
 
@@ -149,29 +149,29 @@ class Returned(NamedTuple):
 
     @property
     def error(self) -> float:
-        """The error of the matrix as that of the orbit, relative to its norm.
+        """The error, relative to its norm, of taking the matrix for that of the orbit.
 
-        A run that ends beside its start has the matrix of a motion that is as far from the orbit.
+        A run that misses its start by a gap has the matrix of a motion that far from the orbit.
         """
         return self.gap if self.closes else 1.0
 
 
-def tangents_in(scene: Scene, each: np.ndarray) -> np.ndarray:
-    """(k, d) an orthonormal basis of the `tangents` at the start, in units of sizes `each` (k,)."""
-    return np.linalg.qr(tangents(scene, np.asarray(scene.y0)) / each[:, None])[0]
+def tangents_in(scene: Scene, entry_sizes: np.ndarray) -> np.ndarray:
+    """(k, d) an orthonormal basis of the `tangents` at the start, in units of the sizes (k,)."""
+    return np.linalg.qr(tangents(scene, np.asarray(scene.y0)) / entry_sizes[:, None])[0]
 
 
-def return_in_basis(orbit: Orbit, rtol, basis: np.ndarray, each: np.ndarray) -> Returned:
+def return_in_basis(orbit: Orbit, rtol, basis: np.ndarray, entry_sizes: np.ndarray) -> Returned:
     """The monodromy matrix by one run over the period, rotated back for a relative orbit.
 
-    The basis (k, d) is a basis of states in units of sizes `each` (k,).
+    The basis (k, d) is one of states in units of the sizes (k,).
 
     The displacement after a period is measured by the system's `difference`, since a quaternion
     and its negative are the same attitude.
     """
     m, status, end = _run(orbit, rtol)
-    m = basis.T @ map_in_units(np.asarray(m), each) @ basis
-    return Returned(m, _status(m, status), gap=gap(orbit, end, each=each))
+    m = basis.T @ map_in_units(np.asarray(m), entry_sizes) @ basis
+    return Returned(m, _status(m, status), gap=gap(orbit, end, entry_sizes=entry_sizes))
 
 
 def _status(m: np.ndarray, status) -> Status:
@@ -214,7 +214,7 @@ def log_determinant(orbit: Orbit) -> tuple[float, float]:
     ts = np.arange(_SAMPLES) * orbit.period / _SAMPLES
     flow = quick_solve(scene, orbit.period, ts=ts, rtol=orbit.rtol, solver=orbit.solver)
     found = np.asarray(_divergences(scene, jnp.asarray(ts), flow.ys))
-    # The mean of a smooth periodic function at equal times; every other time shows its error.
+    # Means over evenly spaced times converge fast; the mean over every other time shows the error.
     whole, half = (float(orbit.period * x.mean()) for x in (found, found[::2]))
     return whole, abs(whole - half) + _ROUNDING * float(orbit.period * np.abs(found).max())
 
@@ -226,7 +226,7 @@ def _divergences(scene: Scene, ts: Array, ys: Array) -> Array:
 
 
 def _by_collocation(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
-    """End, status and derivative, by steps over the mesh; a coarser tolerance has fewer nodes."""
+    """End, status and derivative, by steps over the mesh; a coarser tolerance means fewer nodes."""
     parts = orbit.closing.parts
     one = Equations.of(orbit)
     shares = tuple(np.tile(one.shares, parts) / parts)
@@ -243,7 +243,7 @@ def _by_collocation(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
 def _displacement(orbit: Orbit, end: Array) -> Array:
     """(k, k) derivative of the displacement after a period with respect to the end."""
     system, y0 = orbit.scene.system, orbit.scene.y0
-    # The target only decides on the branch of a wrapped angle, or the sign of a quaternion.
+    # The target only selects the branch of a wrapped angle, or the sign of a quaternion.
     target = jax.lax.stop_gradient(orbit.closing.after(system, y0, orbit.angle, 1))
     return jax.jacfwd(system.difference)(end, target)
 

@@ -1,7 +1,7 @@
-"""The smooth pieces of a period of an orbit, or of a chain of legs, as all comparisons need them.
+"""The smooth pieces of a period of an orbit, or of a chain of legs, for comparisons.
 
-An orbit is one piece. A chain has one for each leg; its state is compared with the start as its
-closing compares it, so that a position that the closing leaves out does not count.
+An orbit is one piece. A chain has one for each leg; its states are compared with the start as its
+closing compares them, so that a position that the closing leaves out does not count.
 """
 
 from typing import NamedTuple
@@ -23,7 +23,7 @@ from orbits.orbit import Orbit
 
 Periodic = Orbit | HybridOrbit
 
-#: Share of the period: this close to the end of a leg, the state is the one after its change.
+#: Share of the period: this close to the end of a leg, the state is that after the leg's change.
 _AT_END = 1e-9
 
 
@@ -87,16 +87,16 @@ def offsets(orbit: Periodic, ys, start) -> np.ndarray:
     return np.asarray(_closing_errors(orbit.closes, ys, start)) / rows
 
 
-def offset_along(orbit: Periodic, y, way) -> np.ndarray:
-    """(m,) the change of `offsets` at a start y (k,) along a direction (k,)."""
+def offset_along(orbit: Periodic, y, direction) -> np.ndarray:
+    """(m,) the derivative of `offsets` at a start y (k,) along a direction (k,)."""
     if isinstance(orbit, Orbit):
-        return np.asarray(way) / sizes(orbit.scene)
+        return np.asarray(direction) / sizes(orbit.scene)
     slope, rows = _compare_ends(orbit, jnp.asarray(y))
-    return slope @ np.asarray(way) / rows
+    return slope @ np.asarray(direction) / rows
 
 
 def _compare_ends(orbit: HybridOrbit, start: Array) -> tuple[np.ndarray, np.ndarray]:
-    """(m, k) the derivative of what the closing of a chain compares, and (m,) the sizes of that."""
+    """(m, k) the derivative of the quantities that a chain's closing compares, (m,) their sizes."""
     slope = np.asarray(closing_error(orbit.closes, start, start)[1][0])
     rows = np.abs(slope) @ sizes(orbit.legs[0].scene)
     return slope, np.where(rows > 0, rows, 1.0)
@@ -104,7 +104,7 @@ def _compare_ends(orbit: HybridOrbit, start: Array) -> tuple[np.ndarray, np.ndar
 
 @eqx.filter_jit
 def _closing_errors(closes, ys: Array, start: Array) -> Array:
-    # Subtract what a closing that counts turns adds.
+    # A closing that counts turns adds a constant, which is subtracted.
     return jax.vmap(lambda y: closes(y, start) - closes(start, start))(ys)
 
 

@@ -3,9 +3,9 @@
 A quantity is a function of an orbit, or its name: "period", "energy", "jacobi" (Jacobi's constant
 of restricted three-body scenes), "multiplier" (the largest absolute value of the non-trivial
 Floquet multipliers), and with the name of an entry of the state "max x", "min x", "amplitude x"
-(half of the difference of these), "mean x" and "phase x" (that of its first harmonic over the
-period, in radians, behind a cosine). In the functions below, a function (t, y) that returns a
-number may take the place of an entry.
+(half of the difference of these), "mean x" and "phase x" (the phase lag of its first harmonic
+behind a cosine over the period, in radians). In the functions below, a function (t, y) that returns
+a number may take the place of an entry.
 """
 
 import functools
@@ -29,7 +29,7 @@ from orbits.orbit import Orbit
 #: Samples of a period. The error of the polynomial of degree 5 between two samples h apart is
 #: h^6 / 46080 times the sixth derivative.
 _SAMPLES = 2048
-#: Part of the largest value up to which an extreme at a corner is known.
+#: Accuracy of an extreme at a corner, relative to the largest value.
 _RESOLVED = 4 * np.finfo(float).eps
 _MOST_PARTS = 256  # largest number of parts of a period that are sampled again
 
@@ -69,7 +69,7 @@ def extremes_in_time(orbit: Orbit, entry: str) -> tuple[tuple[float, float], tup
         [x[i : i - 1 or None] for x in (y, slopes, 0.5 * curvatures)] for i in (0, 1)
     )
     with np.errstate(invalid="ignore", divide="ignore"):
-        # Where the cubic through the ends' values and slopes is level, without cancellation.
+        # Where the cubic through the ends' values and slopes has slope 0, without cancellation.
         second, third = 3 * (a1 - a) - 2 * b - b1, 2 * (a - a1) + b + b1
         root = -(second + np.copysign(np.sqrt(second**2 - 3 * b * third), second))
         u = np.stack([root / (3 * third), b / root])
@@ -88,24 +88,24 @@ def extremes_in_time(orbit: Orbit, entry: str) -> tuple[tuple[float, float], tup
 def _extremes_at_corners(
     orbit: Orbit, entry: Output
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """`extremes_in_time` where forces jump: an extreme may be a corner, as no polynomial has.
+    """`extremes_in_time` where forces jump: an extreme may be a corner, which no polynomial has.
 
-    The samples of each round are in those parts of the last where an extreme may still be.
+    Each round samples only those parts of the last one in which an extreme may still be.
     """
-    ts, before, seen = _times(orbit), np.inf, np.ones(_SAMPLES, bool)
+    ts, before, counted = _times(orbit), np.inf, np.ones(_SAMPLES, bool)
     while True:
         y, slopes, _ = _along(orbit, entry, ts)
         low, high = int(np.argmin(y)), int(np.argmax(y))
         steepest = np.maximum(np.abs(slopes[1:]), np.abs(slopes[:-1])) * np.diff(ts)
         above = np.maximum(y[1:], y[:-1]) + steepest - y[high]
         below = y[low] - np.minimum(y[1:], y[:-1]) + steepest
-        near = np.flatnonzero(seen & (steepest > 0) & (np.maximum(above, below) >= 0))
-        left = np.maximum(above, below)[near].max(initial=0.0)
-        # In the end only rounding is left. Where very many parts are, the entry hardly changes.
-        if left <= _RESOLVED * np.abs(y).max() or left > 0.5 * before or len(near) > _MOST_PARTS:
+        near = np.flatnonzero(counted & (steepest > 0) & (np.maximum(above, below) >= 0))
+        error = np.maximum(above, below)[near].max(initial=0.0)
+        # In the end only rounding is left. If very many parts are near, the entry hardly changes.
+        if error <= _RESOLVED * np.abs(y).max() or error > 0.5 * before or len(near) > _MOST_PARTS:
             return (float(y[low]), float(y[high])), (float(ts[low]), float(ts[high]))
-        before = left
-        ts, seen = _within(ts, near)
+        before = error
+        ts, counted = _within(ts, near)
 
 
 @check_first
@@ -148,52 +148,53 @@ def _mean_with_turns(orbit: Orbit, entry: Output, turns: int) -> complex:
 
 
 def _integral_at_corners(orbit: Orbit, entry: Output, turns: int) -> complex:
-    """That of an entry times exp(-2 pi i n t / T) over a period T, where forces jump.
+    """The integral of an entry times exp(-2 pi i n t / T) over a period T, where forces jump.
 
-    Between two samples it is that of a polynomial of degree 5. The samples of each round are in the
-    parts of the last in which there is a corner, where this would be wrong.
+    Between two samples a polynomial of degree 5 is integrated. Each round samples again those parts
+    of the last one in which a corner makes this wrong.
     """
     speed = -2j * np.pi * turns / orbit.period
-    ts, total, before, seen = _times(orbit), 0.0j, np.inf, np.ones(_SAMPLES, bool)
+    ts, total, before, counted = _times(orbit), 0.0j, np.inf, np.ones(_SAMPLES, bool)
     while True:
         y, slopes, curvatures = _along(orbit, entry, ts)
         turn = np.exp(speed * ts)
         curvatures = turn * (curvatures + 2 * speed * slopes + speed**2 * y)
         slopes, y = turn * (slopes + speed * y), turn * y
         parts, off = _integrate_parts(np.diff(ts), y, slopes, curvatures)
-        off = np.where(seen, off, 0.0)
+        off = np.where(counted, off, 0.0)
         rounding = np.finfo(float).eps * orbit.period * np.abs(y).max()
         worst = np.sort(np.argsort(off)[-_MOST_PARTS:])
         near = worst[off[worst] > rounding / _MOST_PARTS]
-        left = off[near].sum()
-        if left <= rounding or left > 0.5 * before:
-            return complex(total + parts[seen].sum())
-        before = left
-        seen[near] = False
-        total += parts[seen].sum()
-        ts, seen = _within(ts, near)
+        error = off[near].sum()
+        if error <= rounding or error > 0.5 * before:
+            return complex(total + parts[counted].sum())
+        before = error
+        counted[near] = False
+        total += parts[counted].sum()
+        ts, counted = _within(ts, near)
 
 
 def _integrate_parts(
     h: np.ndarray, y: np.ndarray, slopes: np.ndarray, curvatures: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) integrals between samples h (n,) apart, and by how much they would change at corners."""
+    """(n,) integrals between samples h (n,) apart, and estimates of their errors at corners."""
     rise, tilt, bend = np.diff(y), -np.diff(slopes), curvatures[1:] + curvatures[:-1]
     level, ends = y[1:] + y[:-1], slopes[1:] + slopes[:-1]
     fine = h * (level / 2 + h * (tilt / 10 + h * bend / 120))
-    # The cubic misses a corner by another part of it, a jump of the value by all of it.
+    # The cubic errs at a corner by another amount than the polynomial of degree 5, so that their
+    # difference shows it; a jump of the value is shown by `jump`.
     cubic = h * (level / 2 + h * tilt / 12)
     jump = h * (rise - h * (ends / 2 - h * np.diff(curvatures) / 12))
     return fine, np.abs(fine - cubic) + np.abs(jump)
 
 
 def _within(ts: np.ndarray, parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """New samples within some parts of those at ts, and which of the parts between them count."""
+    """New samples within some of the parts between times ts, and which of the new parts count."""
     n = _SAMPLES // len(parts)
-    each = np.linspace(ts[parts], ts[parts + 1], n, axis=1).ravel()
-    new = np.append(each, np.full(_SAMPLES + 1 - len(each), each[-1]))
-    # The others are between two of these parts, or have no length.
-    return new, (np.arange(_SAMPLES) % n < n - 1) & (np.arange(_SAMPLES) < len(each))
+    inside = np.linspace(ts[parts], ts[parts + 1], n, axis=1).ravel()
+    new = np.append(inside, np.full(_SAMPLES + 1 - len(inside), inside[-1]))
+    # The other new parts lie between two of the old ones, or have no length.
+    return new, (np.arange(_SAMPLES) % n < n - 1) & (np.arange(_SAMPLES) < len(inside))
 
 
 _OF_ORBITS: dict[str, Quantity] = {

@@ -1,6 +1,6 @@
-"""Everything that is claimed about an orbit, in one record.
+"""All claims about an orbit, in one record.
 
-The command line prints it, files keep it, and `orbits verify` recomputes it.
+The command line prints it, files store it, and `orbits verify` recomputes it.
 """
 
 import dataclasses
@@ -43,8 +43,8 @@ class Report:
       period: full period.
       y0: (k,) start, in the order of the system's labels.
       closure: largest difference between the state after one period and the start.
-      growth: largest growth of a change on the way to the end of the period; multiplied by the unit
-        of rounding, it is the closure possible in doubles.
+      growth: largest growth of a change on the way to the end of the period; times the unit of
+        rounding, it is about the smallest closure that doubles allow.
       minimal_period: the shortest time after which the motion returns.
       choreography: whether all bodies follow one curve; None unless they are free points.
       permutation_error: deviation from a choreography; None where bodies differ.
@@ -139,7 +139,7 @@ def _word(orbit: Periodic) -> str | None:
         return None
     try:
         return word(orbit) if has_word(orbit) else None
-    except IntegrationError:  # a collision: it has no topology
+    except IntegrationError:  # a motion into a collision has no word
         return None
 
 

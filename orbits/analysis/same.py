@@ -25,19 +25,19 @@ from orbits.hybrid.legs import HybridOrbit
 from orbits.motion import has_several_points, quick_solve
 from orbits.orbit import Orbit, relocate
 
-#: Takes the place of `TOLERANCE` for orbits so unstable that their own periods differ by as much.
+#: The largest tolerance, for orbits so unstable that their own first two periods differ as much.
 _BLURRED = 1e-4
-_MISSES = 4.0  # multiple of the differences between own periods up to which two orbits may differ
+_MISSES = 4.0  # two orbits may differ by this multiple of the difference of an orbit's own periods
 _ROUNDS = 6  # Gauss-Newton steps on the shift in time
-_DIVISORS = 64  # shorter periods are tested down to this fraction of the period
+_DIVISORS = 64  # shorter periods are tested down to the period over this number
 
 
 @check_first
 def minimal_period(orbit: Orbit | HybridOrbit, tolerance: float = TOLERANCE) -> tuple[float, int]:
-    """The shortest time after which the motion returns, and how many of these a period contains.
+    """The shortest time after which the motion returns, and how often the period contains it.
 
-    A chain of legs returns where its closing says so, and not at a state before a change; under a
-    drive, the drive returns too.
+    A chain of legs has returned where its closing holds, with the state after a change and not the
+    one before it; under a drive, the drive has to return too.
 
     Example:
       >>> import orbits
@@ -57,7 +57,7 @@ def minimal_period(orbit: Orbit | HybridOrbit, tolerance: float = TOLERANCE) -> 
 
 
 def _in_step(orbit: Periodic, period: float) -> bool:
-    """Whether a drive returns too, unlike a state of rest under it, which returns at any time."""
+    """Whether a drive returns too; a state of rest under the drive returns at any time."""
     if isinstance(orbit, HybridOrbit) or not is_driven(orbit.scene):
         return True
     return repeats(orbit.scene, period)
@@ -75,7 +75,7 @@ def same_orbit(
 
     The symmetries are shifts in time; for several free points also the direction of time,
     rotations, reflections and relabelling of equal bodies; where these only attract each other by
-    Newton's law, also scaling; for chains of legs, also what their closing leaves out.
+    Newton's law, also scaling; for chains of legs, also changes that their closing leaves out.
 
     Args:
       a: an orbit.
@@ -144,7 +144,7 @@ def _over(orbit: Orbit, period: float) -> Orbit:
 def _match_states(a: Periodic, b: Periodic, period: float) -> Match:
     """`match_points` for other systems, which seeks the start of the first orbit on the second.
 
-    The nearest of its pieces is followed beyond its ends where the start is at one of them.
+    The nearest piece of the second is followed beyond its ends if the start is at one of them.
     """
     start, first = jnp.asarray(a.y0), pieces(a)[0]
     best = None

@@ -1,4 +1,4 @@
-"""Derivatives of an orbit by the numbers of its scene, from the implicit function theorem.
+"""Derivatives of an orbit with respect to the numbers of its scene, by implicit differentiation.
 
 The closing equations F(x, scene) = 0 hold along the family of orbits that belongs to a change
 of the scene, so dx = -F_x^+ F_scene dscene: one solve with the available Jacobian, not a
@@ -6,7 +6,7 @@ differentiation of the finder's iterations. Of all orbits that close, F_x^+ sele
 so where orbits come in families (conservative scenes) the derivative is unique only at fixed
 conditions: hold the energy, or the period.
 
-What depends only on the known orbit is computed on the host at once, under `jax.jit` as well.
+All that depends only on the known orbit is computed on the host immediately, even under `jax.jit`.
 
 Multipliers are differentiated as simple eigenvalues, d lambda = w dM v / (w v). Those that are
 1 by an integral or a symmetry stay 1; nothing is differentiated through their defective block.
@@ -49,9 +49,9 @@ _APART = 3.0
 #: equations, or if Newton's method would move it by at most this many units of the unknowns: very
 #: unstable orbits satisfy only the second condition, those next to a fold only the first.
 _CLOSES = 1e-8
-#: Multipliers that differ by at most this share, and by a few of their bars, are those of one map.
+#: Largest relative difference, beyond a few error bars, of the multipliers of one and the same map.
 _SAME_MAP = 1e-6
-#: Part of the period by which states beside a corner are before and after it.
+#: How long before and after a corner the states beside it are taken, as a share of the period.
 _BESIDE = 1e-6
 
 
@@ -93,7 +93,7 @@ class DifferentiableOrbit(eqx.Module):
         return _multipliers(known, basis, self.return_map())
 
     def return_map(self) -> Array:
-        """(k, k) the derivative of the return map by the start; its eigenvalues are multipliers.
+        """(k, k) the derivative of the return map, whose eigenvalues are the multipliers.
 
         Raises:
           IntegrationError: the variational equations cannot be integrated over the period.
@@ -160,10 +160,10 @@ class DifferentiableChain(eqx.Module):
         return _multipliers(known, np.eye(len(m)), m)
 
     def return_map(self) -> Array:
-        """(d, d) the derivative of the return map by the start, saltation matrices included.
+        """(d, d) the derivative of the return map, saltation matrices included.
 
-        It acts on what the closing compares, in units of the sizes of the known chain. Its
-        eigenvalues are the multipliers.
+        It acts on the directions that the closing compares, in units of the sizes of the known
+        chain. Its eigenvalues are the multipliers.
         """
         return differentiable_return_map(self.legs, self.y0, self.spans, self.known)
 
@@ -201,10 +201,10 @@ def differentiable_orbit(
 def _from_start(
     held: tuple[Condition, ...], hold: Hold, y0: Array, near: np.ndarray
 ) -> tuple[Condition, ...]:
-    """The conditions; a name stands for the value at the start y0 (k,) of the scene.
+    """The conditions, in which a name stands for the value at the start y0 (k,) of the scene.
 
-    It does where the orbit has this value, up to `near` (k,): the condition then has the
-    derivatives of y0. Another orbit's value is a number that does not depend on the scene.
+    If the orbit has this value, up to `near` (k,), the condition has the derivatives of y0. If not,
+    the value that is held is a number that does not depend on the scene.
     """
     given = tuple(hold) if isinstance(hold, list | tuple) else (hold,)
     found = []
@@ -221,10 +221,10 @@ def _from_start(
 def with_held_entries(
     guess: np.ndarray, orbit: Orbit, hold: Hold, before: Scene, scene: Scene
 ) -> np.ndarray:
-    """(k,) the guess of an orbit of another scene, with the entries that a name holds.
+    """(k,) the guess of an orbit of another scene, with the entries that names hold set to theirs.
 
-    As in `differentiable`, a name stands for the value at the start of a scene where the known
-    orbit has that of its own.
+    As in `differentiable`, a name stands for the value at the start of the other scene if the known
+    orbit has the value at the start of its own scene.
 
     Args:
       guess: (k,) the guess.
@@ -245,7 +245,7 @@ def with_held_entries(
 
 
 def _of_these_numbers(found):
-    """The result, if it is not known to be NaN."""
+    """The result; ValueError if it is known to be NaN, since the scene has other numbers."""
     if not is_traced(found.y0) and np.isnan(found.y0).any():
         raise fail(
             "scene",
@@ -272,7 +272,7 @@ class Linearization(NamedTuple):
     def solution(self, x, miss: Array, within: float = _CLOSES) -> Array:
         """(n,) x, with derivatives by the implicit function theorem from the residual (m,) there.
 
-        It is NaN if the residual, and the step that would remove it, are larger than `within`
+        It is NaN if both the residual and the step that would remove it are larger than `within`
         units: x is then not a solution.
         """
         value = jax.lax.stop_gradient(miss)
@@ -284,7 +284,7 @@ class Linearization(NamedTuple):
 def _extreme(scene: Scene, known: Orbit, entry: int, t: float) -> Array:
     """() an extreme of an entry of the state, which a known orbit has at a time t.
 
-    Where it is level, its derivative is that at a fixed time. At a corner it moves with the corner.
+    Where the slope is 0, the derivative is that at a fixed time. A corner moves in time.
     """
     rtol, period = known.rtol, known.period
     beside = _BESIDE * period if plan_of(scene.field, len(scene.y0)).size else 0.0
@@ -294,16 +294,16 @@ def _extreme(scene: Scene, known: Orbit, entry: int, t: float) -> Array:
             return solve(scene, level, rtol=rtol).y1[entry]
         (x, slope), (next_x, next_slope) = _about_corner(known.scene, known, entry, t)
         same = abs(x - next_x) <= _CLOSES * np.asarray(sizes(known.scene))[entry]
-    if slope * next_slope > 0 or not same:  # none, but an end of the period, as of a full turn
+    if slope * next_slope > 0 or not same:  # no corner, but an end of the period of a full turn
         return solve(scene, t, rtol=rtol).y1[entry]
     (x, _), (next_x, _) = _about_corner(scene, known, entry, t)
     return x + slope * first_only(x - next_x) / (next_slope - slope)
 
 
 def _about_corner(scene: Scene, known: Orbit, entry: int, t: float):
-    """An entry of the state and its slope at a corner, by the motion before it and by that after.
+    """An entry of the state and its slope at a corner, from the motions before it and after it.
 
-    A corner may be at the start of the orbit, whose period may change.
+    A corner at the start of the orbit is also at the end of the period, which may change.
     """
     beside = _BESIDE * known.period
     end = scene.t1 if t < beside else t
@@ -315,9 +315,9 @@ def _about_corner(scene: Scene, known: Orbit, entry: int, t: float):
 
 
 def _continued(scene: Scene, entry: int, t, h: float, rtol: float) -> tuple[Array, Array]:
-    """() an entry of the state, and its slope, a short time h after t; by a series, without events.
+    """() an entry of the state, and its slope, a short time h after t, by a Taylor series.
 
-    So it is a continuation beyond a switch of the rate, if there is one within h.
+    The series continues the motion smoothly beyond a switch of the rate within h.
     """
     now = jnp.asarray(t, float)
     y = solve(scene, now, rtol=rtol).y1
@@ -326,7 +326,7 @@ def _continued(scene: Scene, entry: int, t, h: float, rtol: float) -> tuple[Arra
 
 
 def _level(scene: Scene, entry: int, t: float, rtol: float) -> tuple[Array, Array]:
-    """() the time at which an entry of the state is level, by a Newton step, and () the step."""
+    """() the time at which an entry of the state has slope 0, by a Newton step, and () the step."""
     now, y = jnp.asarray(t), solve(scene, t, rtol=rtol).y1
     rate, change = jax.jvp(scene.rate, (now, y), (jnp.ones(()), scene.rate(now, y)))
     ahead = -jnp.where(change[entry] != 0, rate[entry] / change[entry], 0.0)
@@ -370,8 +370,8 @@ def _chain(legs: tuple[Leg, ...], orbit: HybridOrbit) -> DifferentiableChain:
     chain, start, spans = ChainEquations.of(orbit), np.asarray(orbit.y0), orbit.spans
     with jax.ensure_compile_time_eval():
         found = chain.linearize(chain.pack(start, spans), orbit.rtol)
-        each = chain.sizes(found, spans)
-        units, rows = chain.pack(each[0], spans), chain.residual_units(found, spans, each)
+        leg_sizes = chain.sizes(found, spans)
+        units, rows = chain.pack(leg_sizes[0], spans), chain.residual_units(found, spans, leg_sizes)
     linear = linearization(found.jacobian * units / rows[:, None], units, rows)
     miss = residuals(legs, orbit.closes, jnp.asarray(start), jnp.asarray(spans), orbit.rtol)
     x, k = linear.solution(np.concatenate([start, spans]), miss), len(start)
@@ -381,8 +381,8 @@ def _chain(legs: tuple[Leg, ...], orbit: HybridOrbit) -> DifferentiableChain:
 def residual(equations: Equations, x: Array, rtol) -> Array:
     """(m,) the residual at x, differentiable in every number of the equations."""
     here = pieces(equations, x)
-    each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(equations.segments)]
-    ends = [end_of(equations.scene, equations.make, piece, rtol).y1 for piece in each]
+    inputs = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(equations.segments)]
+    ends = [end_of(equations.scene, equations.make, piece, rtol).y1 for piece in inputs]
     return errors(equations, x, here.start, jnp.stack(ends))
 
 
@@ -401,7 +401,7 @@ def _linearize(equations: Equations, x: np.ndarray, rtol: float) -> Linearizatio
 
 
 def linearization(jacobian: np.ndarray, units: np.ndarray, rows: np.ndarray) -> Linearization:
-    """From a Jacobian in units of the unknowns (n,) and equations (m,)."""
+    """The linearised equations, from a Jacobian in units of unknowns (n,) and equations (m,)."""
     inverse = np.linalg.pinv(jacobian, rcond=newton.RANK_TOLERANCE)
     return Linearization(units[:, None] * inverse / rows, units, rows)
 

@@ -12,7 +12,7 @@ Where the scene is conservative, M is symplectic. This is known better than M it
 proved from the rate, and the multipliers then come in pairs (`pair_reciprocals`).
 
 Each multiplier gets an error bar (see `jaxdyn.analysis.eigenvalues`), from the change of M between
-two tolerances and its rounding. Where that settles nothing, as for a multiplier of 1.0036 of an
+two tolerances and its rounding. If these bars decide nothing, as for a multiplier of 1.0036 of an
 orbit with close encounters, a third tolerance shows each entry of the error, not just its size.
 `map_verdict` of that file then judges the multipliers as "stable", "unstable" or "undecided".
 """
@@ -83,9 +83,9 @@ _NOT_CLOSED = (
     "The motion does not close after the period, so it has no multipliers. Look for the orbit "
     "first: orbits.find(scene, y0, period)."
 )
-_DOUBTFUL = 1e-2  # part of a multiplier above which its bar may be a chance agreement of noise
+_DOUBTFUL = 1e-2  # relative bar above which a multiplier may be noise: runs may agree by chance
 _VAGUE = 0.1  # a multiplier with wider bars may be inside or outside of the unit circle
-_LOOSEST = 1e-9  # above this first tolerance runs may take the same few steps and show nothing
+_LOOSEST = 1e-9  # largest first tolerance of a third run: looser runs may all take the same steps
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,11 +105,11 @@ class Stability:
         exp(+-2 pi i nu), one for each pair, None for a real pair.
       verdict: "stable", "unstable" or "undecided".
       symplectic_defect: largest entry of M^T J M - J over |M|^2 and that of J; None where the
-        system has no canonical coordinates and its rate keeps no constant form J that can be found.
+        system has no canonical coordinates and no constant form J that its rate preserves is found.
       determinant_defect: |det M - 1|; None likewise.
-      monodromy: (d, d) the matrix M, in the basis `tangents`; for a chain of legs, on what its
-        closing compares, in units of sizes.
-      conservative: whether the rate is proved, to rounding, to keep a symplectic form.
+      monodromy: (d, d) the matrix M, in the basis `tangents`; for a chain of legs, on the
+        directions that its closing compares, in units of sizes.
+      conservative: whether the rate is proved, to rounding, to preserve a symplectic form.
       growth: norm of the same matrix for states in units of their sizes.
       closes: whether the motion ends near its start; if not, the verdict is "undecided".
       status: status of the integration over the period; unless it is OK, every number is NaN and
@@ -203,7 +203,7 @@ class _Form(NamedTuple):
     Attributes:
       matrix: (d, d) the form; None if none is known.
       defect: how far the monodromy matrix is from keeping it.
-      kept: whether the flow keeps it, and the matrix does up to its error.
+      kept: whether the flow preserves the form, and the matrix does so up to its error.
     """
 
     matrix: np.ndarray | None
@@ -222,22 +222,22 @@ def stability(
     """The multipliers of an orbit, with error bars and a verdict.
 
     Args:
-      orbit: what `find` or `find_hybrid` returned. For a chain of legs the events count by their
+      orbit: a result of `find` or `find_hybrid`. For a chain of legs the events enter by their
         saltation matrices, and each position that its closing leaves out has a unit multiplier;
         integrals are not looked for.
-      rtol: tolerance of the variational equations; the orbit's own by default. A second run
-        at a hundred times that tolerance gives the error bars; where they leave the verdict
-        undecided, a third at ten times that tolerance makes them narrower.
-      along: (k, p) directions from the start to other orbits of the same scene, which exist by an
-        integral that the scene does not name. Each forces one more multiplier to be 1;
+      rtol: tolerance of the variational equations; the orbit's own by default. A second run at a
+        hundred times this tolerance gives the error bars; if these leave the verdict undecided, a
+        third run at ten times this tolerance makes them narrower.
+      along: (k, p) directions from the start to other orbits of the same scene, which exist because
+        of an integral that the scene does not name. Each forces one more multiplier to be 1;
         `continue_family` finds them.
       throw: raise if the motion cannot be integrated over its period at one of the two
         tolerances (a collision, the step limit), or if a chain grazes an event, where it has no
         multipliers; with False check `Stability.status`.
     Raises:
       ValueError: the orbit has traced values; a chain of legs was not found, grazes an event
-        (``throw=True``), has constrained states, or has a closing that does not say that it repeats
-        itself; `along` is given for a chain.
+        (``throw=True``), has constrained states, or has a closing that is not a condition that it
+        repeats itself; `along` is given for a chain.
       IntegrationError: the motion cannot be integrated over its period (``throw=True``).
     Limits: linear stability only. "stable" for a conservative scene means all non-trivial
       multipliers lie on the unit circle and cannot leave it within their bars.
@@ -254,16 +254,16 @@ def stability(
 def judge(
     orbit: Orbit,
     segments: Segments | None,
-    each: np.ndarray,
+    entry_sizes: np.ndarray,
     *,
     rtol: float,
     along: np.ndarray | None,
     throw: bool,
 ) -> Stability:
-    """`stability` of an orbit whose segments may be known, with the entries' sizes `each` (k,)."""
+    """`stability` of an orbit whose segments may be known, with the sizes (k,) of the entries."""
     scene = orbit.scene
-    basis = tangents_in(scene, each)
-    runs = _Runs.of(segments, orbit, rtol, basis, each)
+    basis = tangents_in(scene, entry_sizes)
+    runs = _Runs.of(segments, orbit, rtol, basis, entry_sizes)
     fine, coarse = runs.fine, runs.coarse
     status = max(fine.status, coarse.status)
     if status != Status.OK:
@@ -271,8 +271,8 @@ def judge(
             raise IntegrationError(explanation(status, scene))
         return _unknown_stability(len(fine.m), status)
     m = fine.m
-    form = _form(scene, m, float(uncertainty(m, coarse.m, rtol)), basis, each)
-    split = _split_monodromy(orbit, m, coarse.m, form, basis, each, along)
+    form = _form(scene, m, float(uncertainty(m, coarse.m, rtol)), basis, entry_sizes)
+    split = _split_monodromy(orbit, m, coarse.m, form, basis, entry_sizes, along)
     q = split.q
     reduced = q.T @ m @ q
     # The rounding error is that of the whole matrix, not of the block.
@@ -305,7 +305,7 @@ def judge(
         verdict=verdict,
         symplectic_defect=form.defect,
         determinant_defect=None if form.defect is None else float(abs(np.linalg.det(m) - 1)),
-        monodromy=_in_entries(scene, m, basis, each),
+        monodromy=_in_entries(scene, m, basis, entry_sizes),
         conservative=form.kept,
         growth=float(norm(m)),
         closes=fine.closes,
@@ -315,9 +315,9 @@ def judge(
 def _is_noise(found: Eigenvalues, orbit: Orbit) -> np.ndarray:
     """(p,) whether each multiplier may be noise, and its bar is wider than `_VAGUE`.
 
-    A bar is the difference of two runs, which may be a small part of noise in both of them.
-    For stiff motions no bar is too narrow to count: on a slow curve the rate is a small difference
-    of large terms, whose direction the rounding of the start changes.
+    A bar comes from the difference of two runs, which may be small by chance if both are noise.
+    For stiff motions `_VAGUE` does not apply: on a slow manifold the rate is a small difference of
+    large terms, and rounding of the start changes its direction.
     """
     vague = 0.0 if orbit.stiff else _VAGUE
     return found.bars > np.maximum(vague, _DOUBTFUL * np.abs(found.values))
@@ -330,7 +330,7 @@ class _Runs(NamedTuple):
       fine: the matrix at the first tolerance.
       coarse: the matrix at a coarser tolerance.
       at: the matrix at any tolerance.
-      log_determinant: the logarithm of its determinant, and the error of that.
+      log_determinant: computes the logarithm of the matrix's determinant, and its error.
     """
 
     fine: Returned
@@ -339,35 +339,39 @@ class _Runs(NamedTuple):
     log_determinant: Callable[[], tuple[float, float]]
 
     @classmethod
-    def of(cls, segments: Segments | None, orbit: Orbit, rtol: float, basis, each) -> "_Runs":
+    def of(
+        cls, segments: Segments | None, orbit: Orbit, rtol: float, basis, entry_sizes
+    ) -> "_Runs":
         """The matrices of an orbit, from segments where a run ends far from its start."""
         if segments is not None:
-            found = cls._from_segments(segments, rtol, basis, each)
+            found = cls._from_segments(segments, rtol, basis, entry_sizes)
             if found is not None:
                 return found
 
         def at(rtol: float) -> Returned:
-            return return_in_basis(orbit, rtol, basis, each)
+            return return_in_basis(orbit, rtol, basis, entry_sizes)
 
         fine = at(rtol)
         if segments is None and orbit.mesh is None and _leaves(fine):
             segments = Segments.of(orbit)
-            found = None if segments is None else cls._from_segments(segments, rtol, basis, each)
+            found = (
+                None if segments is None else cls._from_segments(segments, rtol, basis, entry_sizes)
+            )
             if found is not None:
                 return found
         return cls(fine, at(coarser(rtol)), at, lambda: log_determinant(orbit))
 
     @classmethod
-    def _from_segments(cls, segments: Segments, rtol: float, basis, each) -> "_Runs | None":
+    def _from_segments(cls, segments: Segments, rtol: float, basis, entry_sizes) -> "_Runs | None":
         """The matrices from segments; None where these do not join at the tolerances."""
         first, second = segments.at(rtol), segments.at(coarser(rtol))
         if first is None or second is None:
             return None
 
         def at(rtol: float) -> Returned:
-            return (segments.at(rtol) or segments).monodromy(basis, each)
+            return (segments.at(rtol) or segments).monodromy(basis, entry_sizes)
 
-        fine, coarse = first.monodromy(basis, each), second.monodromy(basis, each)
+        fine, coarse = first.monodromy(basis, entry_sizes), second.monodromy(basis, entry_sizes)
         error = abs(fine.log_determinant - coarse.log_determinant) + ROUNDING
         return cls(fine, coarse, at, lambda: (fine.log_determinant, error))
 
@@ -433,36 +437,42 @@ def _widen(found: Eigenvalues, split: trivial.Split, m: np.ndarray) -> Eigenvalu
     return Eigenvalues(values, bars + np.fmin(ERROR_SAFETY * off * conditions, most))
 
 
-def _split_monodromy(orbit: Orbit, m, coarse, form: _Form, basis, each, along) -> trivial.Split:
-    """M (d, d) split by what is known of the orbit; `coarse` is M at another tolerance."""
+def _split_monodromy(
+    orbit: Orbit, m, coarse, form: _Form, basis, entry_sizes, along
+) -> trivial.Split:
+    """M (d, d) split by its known directions; `coarse` is M at another tolerance."""
     scene, closing = orbit.scene, orbit.closing
     return trivial.Monodromy(
         scene=scene,
         m=m,
-        doubt=float(np.linalg.norm(m - coarse)),
+        error=float(np.linalg.norm(m - coarse)),
         basis=basis,
-        each=each,
+        entry_sizes=entry_sizes,
         ahead=closing.after(scene.system, scene.y0, orbit.angle, 1),
-        back=map_in_units(rotation_back(orbit), each) if closing.turns else None,
+        back=map_in_units(rotation_back(orbit), entry_sizes) if closing.turns else None,
         form=form.matrix if form.kept else None,
-        along=np.zeros((len(each), 0)) if along is None else along,
+        along=np.zeros((len(entry_sizes), 0)) if along is None else along,
     ).split()
 
 
-def _in_entries(scene: Scene, m: np.ndarray, basis: np.ndarray, each: np.ndarray) -> np.ndarray:
+def _in_entries(
+    scene: Scene, m: np.ndarray, basis: np.ndarray, entry_sizes: np.ndarray
+) -> np.ndarray:
     """(d, d) a map in the basis `tangents`, from its matrix in a basis of states in sizes."""
-    change = tangents(scene, np.asarray(scene.y0)).T @ (basis * each[:, None])
+    change = tangents(scene, np.asarray(scene.y0)).T @ (basis * entry_sizes[:, None])
     return change @ m @ np.linalg.inv(change)
 
 
-def _form(scene: Scene, m: np.ndarray, error: float, basis: np.ndarray, each: np.ndarray) -> _Form:
-    """The form for a map m (d, d) with an error, in a basis of states in sizes `each` (k,)."""
+def _form(
+    scene: Scene, m: np.ndarray, error: float, basis: np.ndarray, entry_sizes: np.ndarray
+) -> _Form:
+    """The form for a map m (d, d) with an error, in a basis of states in the sizes (k,)."""
     form, kept = symplectic_form(scene, scene.y0), True
     if form is not None:
-        form = basis.T @ (np.asarray(form) * each * each[:, None]) @ basis
-        kept = trivial.keeps_form(scene, each)
-    elif basis.shape[1] == len(each):  # no constraints
-        form = invariant_form(scene, each)
+        form = basis.T @ (np.asarray(form) * entry_sizes * entry_sizes[:, None]) @ basis
+        kept = trivial.keeps_form(scene, entry_sizes)
+    elif basis.shape[1] == len(entry_sizes):  # no constraints
+        form = invariant_form(scene, entry_sizes)
     if form is None:
         return _Form(None, None, False)
     form = form / (np.abs(form).max() or 1.0)

@@ -24,7 +24,7 @@ from orbits.orbit import Orbit
 
 _SAMPLES = 2048  # samples of one period at first
 _FEWEST = 256  # fewest samples added at a time
-_SWING = 0.4  # [rad] largest turn of a side of the triangle between samples; a passage needs more
+_SWING = 0.4  # [rad] largest turn of a triangle's side between samples; a passage takes more
 _RTOL = 1e-12  # tolerance of the samples
 _REFINEMENTS = 40  # halvings of an interval where the triangle turns faster
 
@@ -62,9 +62,9 @@ def has_word(orbit: Orbit) -> bool:
 def _positions(orbit: Orbit) -> np.ndarray:
     """(s, 3, 2) positions over a period, close enough to see each passage.
 
-    Where bodies attract each other, a motion with encounters is sampled at places in logarithmic
-    time: in plain time an encounter may move from one run to the next by more than its duration.
-    Others are sampled in plain time, whose program a report has anyway.
+    Where bodies attract each other, a motion with encounters is sampled at equal parts of
+    logarithmic time: in plain time an encounter may shift from one run to the next by more than its
+    duration. Other motions are sampled in plain time, whose program a report needs anyway.
 
     Raises:
       IntegrationError: the motion runs into a collision, where its triangle turns ever faster.

@@ -45,8 +45,8 @@ from orbits.closing.sizes import rates_at, sizes, times
 
 #: Largest error, in units of the sizes, by which a symmetry may fail to preserve the vector field.
 EXACT = 1e-9
-#: Distance from the start, in sizes, at which a symmetry is checked too: at rest no force that
-#: depends on the velocity shows, neither drag nor that of rotating axes.
+#: Distance from the start, in sizes, at which a symmetry is checked too: at rest, forces that
+#: depend on the velocity do not show, such as drag or those of rotating axes.
 _ASIDE = 0.01
 
 A = TypeVar("A", Array, np.ndarray)
@@ -260,8 +260,8 @@ class Return(Closing):
       symmetry: the symmetry g.
       parts: see `Closing`; the power of g that is the identity.
       name: see `Closing`.
-      turn: name of the system's generator of the rotation, e.g. "turn in xy"; None for plain
-        closing.
+      turn: name of the system's generator of the rotation, e.g. "turn in xy"; None without a
+        rotation.
       frequency: how often the fastest entries of a state turn while the angle grows by 2 pi: once
         in space, k times for the k-th harmonic of a wave. `fit_to` finds it.
     """
@@ -488,7 +488,7 @@ def reversal(here: Symmetry, there: Symmetry | None = None, parts: int | None = 
 
 @check_first
 def mirror(scene: Scene, across: str | None = None) -> Reversal:
-    """The closing of motions that cross a plane, or an axis, at right angles, and mirror there.
+    """The closing of motions that cross a plane or an axis at right angles and are mirrored there.
 
     Most known orbits in rotating axes, as in the restricted three-body problem, do so: halo and
     Lyapunov orbits cross the plane xz, planar orbits the x axis.
@@ -576,9 +576,10 @@ def _check_affine(scene: Scene, turn: str) -> None:
 
 def _check_commutes(scene: Scene, turn: str) -> None:
     # Otherwise the motion after the first part would not be the rotated first part.
-    each, time = sizes(scene), float(scene.t1) / (2 * np.pi)
+    entry_sizes, radian = sizes(scene), float(scene.t1) / (2 * np.pi)
     ys, ts = jnp.asarray(_start_and_beside(scene)), jnp.asarray(times(scene))
-    turned, moved = (time * np.asarray(x) / each for x in _commutator(scene, ys, ts, turn=turn))
+    both = _commutator(scene, ys, ts, turn=turn)
+    turned, moved = (radian * np.asarray(x) / entry_sizes for x in both)
     size = 1.0 + np.linalg.norm(turned, axis=-1) + np.linalg.norm(moved, axis=-1)
     keeps = np.linalg.norm(turned - moved, axis=-1) <= EXACT * size
     if not (keeps | ~np.isfinite(turned).all(axis=-1)).all():
@@ -625,9 +626,9 @@ class Condition(Record):
     def fix(
         self, guess: np.ndarray, lower: np.ndarray, upper: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds (k + 1,) of start and period that keep the condition where the guess satisfies it.
+        """Bounds (k + 1,) of start and period that enforce the condition if the guess satisfies it.
 
-        An entry that bounds hold does not move at all, not even by rounding.
+        An entry held by its bounds does not change at all, not even by rounding.
         """
         del guess
         return lower, upper

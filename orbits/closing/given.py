@@ -22,11 +22,11 @@ DIFFERENTIATE = (
 )
 #: Distance from the start of a second state at which rates are compared, in units of the sizes.
 _BESIDE = 1e-3
-#: A guess that is nearer than this share of the drive's period to a multiple means that multiple.
+#: A guess within this share of the drive's period of a multiple of it stands for that multiple.
 _NEAR = 0.25
 #: Rates below this share of the sizes per radian of the span are rounding.
 _ROUNDING = 1e-6
-#: Change over a period, as a part of that within one, up to which a condition on time repeats.
+#: A condition on time repeats if its change over a period is at most this share of that within one.
 _REPEATS = 0.1
 #: Relative changes of a rate up to this, in units of the machine epsilon, are rounding.
 _RATE_ROUNDINGS = 64.0
@@ -160,7 +160,7 @@ def refuse_constraints(name: str, scene: Scene) -> None:
 
 
 def in_step(scene: Scene, period: float) -> float:
-    """The multiple of the drive's period that a guess of an orbit's period means.
+    """The multiple of the drive's period that a guess of an orbit's period stands for.
 
     Where the rate depends on time, the phase of the drive must close too.
 
@@ -181,7 +181,7 @@ def in_step(scene: Scene, period: float) -> float:
 
 
 def turns_in(period: float, drive: float) -> int:
-    """How often the period of a drive fits into a period; 0 if that lies between two multiples."""
+    """How many periods of a drive fit into a period; 0 if it lies between two multiples."""
     turns = max(round(period / drive), 1)
     return turns if abs(period - turns * drive) <= _NEAR * drive else 0
 
@@ -218,7 +218,7 @@ def repeats(scene: Scene, period: float) -> bool:
 
 
 def _rates(scene: Scene, later: float, period: float) -> np.ndarray:
-    """Rates at many times, at the start and beside it: at a rest state the drive may cancel."""
+    """(n, k) rates at many times, at the start and beside it: at rest the drive may cancel."""
     y0, away = np.asarray(scene.y0), beside(scene)
     ts = later + period * SPREAD
     at, off = (np.asarray(rates_at(scene, ts, y)) for y in (y0, y0 if away is None else y0 + away))
@@ -227,23 +227,23 @@ def _rates(scene: Scene, later: float, period: float) -> np.ndarray:
 
 
 def beside(scene: Scene) -> np.ndarray | None:
-    """(k,) how far from its start the drive of a scene is read; None where it has none."""
+    """(k,) the offset from a scene's start at which its drive is read; None without a drive."""
     if not is_driven(scene):
         return None
     return _BESIDE * sizes(scene) * (1 + np.arange(len(scene.y0)))
 
 
 def drive(scene: Scene, y: Array, period: Array, away: Array) -> Array:
-    """(4 k,) the change of the rate over a period, zero where that is a multiple of the drive's.
+    """(4 k,) the change of the rate over a period, zero if that is a multiple of the drive's.
 
     It is taken at the phases at which the rate changes fastest, since a drive may act for a small
-    part of its period. A drive that is switched is the same at other times too, so how far its
-    switches are from changing is added. The rate is read at a distance `away` (k,) from y, since
-    at y itself the drive may cancel, as a parametric one does at rest, and then any period would
-    do; where it is undefined there, at y.
+    part of its period. The rate of a switched drive may also be the same after other times, so the
+    change of the margins of its switches is added. The rate is read at an offset `away` (k,) from
+    y, since at y itself the drive may cancel, as a parametric one does at rest, and then any period
+    would do; where it is undefined there, it is read at y.
     """
-    # By y the change has no derivative where the rate repeats, at any y. Elsewhere it would make a
-    # rest state, which is exact, one of 1e-17, then of 1e-34, each with sizes of its own.
+    # The derivative by y is left out: it is zero where the rate repeats. Elsewhere it would turn an
+    # exact state of rest into one of 1e-17, then of 1e-34, each with sizes of its own.
     known, y = jax.lax.stop_gradient((period, y))
     many = known * jnp.asarray(SPREAD)
     defined = jnp.isfinite(jax.vmap(scene.rate, (0, None))(many, y + away)).all()
@@ -258,18 +258,18 @@ def drive(scene: Scene, y: Array, period: Array, away: Array) -> Array:
     fast = (fast / most[None]).sum(axis=1)
     ts = jax.lax.stop_gradient(many[jax.lax.top_k(fast, PHASES)[1]])
     now, later = (jax.vmap(scene.rate, (0, None))(t, y) for t in (ts, ts + period))
-    # Over the whole period: at the fastest phases of a sine its values are nearly the same.
+    # The range over the whole period: at the fastest phases of a sine its values are almost equal.
     varies = jax.lax.stop_gradient(jnp.ptp(values, axis=0))
-    # What varies only by rounding is not a drive.
+    # A rate that varies only by rounding is not driven.
     rounding = _RATE_ROUNDINGS * jnp.finfo(float).eps * jnp.abs(values).max(axis=0)
     varies = jnp.where(varies > rounding, varies, jnp.inf)
     return ((later - now) / varies[None] + _switches(scene, ts, period)[:, None]).ravel()
 
 
 def _switches(scene: Scene, ts: Array, period: Array) -> Array:
-    """(p,) the change over a period of how far conditions on time are from changing.
+    """(p,) the change over a period of the margins of conditions on time, summed over these.
 
-    Those that do not nearly repeat are left out, such as one on a time at which a drive begins.
+    Conditions that do not nearly repeat are left out, such as one on the time a drive begins.
     """
     plan = plan_of(scene.field, len(scene.y0))
     if not plan.of_time.any():

@@ -10,9 +10,9 @@ of one group (`jaxdyn.scales`) have the same size. Where units do not give the g
 an entry is at least the effect that the others can have on it: near an equilibrium their effects
 cancel, and a velocity that is small there has no size of its own. Where units do give them, a small
 share of that effect is enough; it matters near an equilibrium far from the origin, as L4 in km.
-A start almost at rest is measured as one at rest, by what moves it.
-Without units an entry that is hardly more than what rounding makes of it, as a mode that symmetry
-keeps at zero, has no size of its own either: it has the size that it would have if it were zero.
+A start almost at rest has the sizes of one at rest, which follow from the entries that move it.
+Without units, an entry that is hardly larger than its rounding error, as a mode that symmetry keeps
+at zero, has no size of its own either: it gets the size that it would have if it were zero.
 """
 
 import functools
@@ -31,13 +31,14 @@ from jaxdyn.scales import groups, shifted
 
 #: Motions mostly have a few harmonics, which change faster than the first one.
 _HARMONIC = 2
-#: Relative changes of a size by the effect of other entries below this are rounding.
+#: Relative changes of a size below this, by the effect of other entries, are rounding.
 _ROUNDING = 1e-9
-#: Least size of an entry over what rounding makes of it: closing errors are to be as small.
+#: Least ratio of an entry's size to its rounding error: closing errors are to be that small.
 _RESOLVED = 1e12
-#: Where units are known, an entry's size is at least this share of what the others make of it.
+#: Where units are known, an entry's size is at least this share of the effect of the others on it.
 _SHARE = 0.01
-#: Part of what its rate makes of a group up to which the group is almost at rest.
+#: A group is almost at rest if it is smaller at the start than this share of the change that its
+#: rate makes.
 _REST = 1e-3
 #: Numbers that differ by less than this, relatively, count as equally large.
 _ALIKE = 1e-6
@@ -78,14 +79,14 @@ def _sizes(scene: Scene) -> np.ndarray:
         rates = np.abs(np.asarray(rates_at(scene, times(scene), y)))
         return np.where(np.isfinite(rates), rates, 0.0).max(axis=0)
 
-    place, moved = alike(scene, np.abs(y0)), alike(scene, radian * most(y0))
-    found = np.maximum(place, moved)
+    at_start, by_rate = alike(scene, np.abs(y0)), alike(scene, radian * most(y0))
+    found = np.maximum(at_start, by_rate)
     if groups(scene.system).known:
-        if ((0 < place) & (place < _REST * moved)).any():
-            # What is moved by a group that is almost at rest is small at the start alone.
+        if ((0 < at_start) & (at_start < _REST * by_rate)).any():
+            # Rates that a group almost at rest causes are small only at the start.
             found = np.maximum(found, alike(scene, radian * most(y0 + found)))
-        # The Jacobian takes a program of its own, and is rarely of use here.
-        if (moved < _SHARE * place).any():
+        # The Jacobian takes a program of its own, and is rarely needed here.
+        if (by_rate < _SHARE * at_start).any():
             found = coupled_sizes(scene, found)
     else:
         found = coupled_sizes(scene, found)
@@ -104,56 +105,56 @@ def sizes_at_rest(scene: Scene, y: np.ndarray) -> np.ndarray:
     return np.array(at_rest(scene.field, groups(scene.system), y).sizes)
 
 
-def coupled_sizes(scene: Scene, each: np.ndarray) -> np.ndarray:
-    """(k,) sizes, raised to the effect of the other entries in the time of the start.
+def coupled_sizes(scene: Scene, entry_sizes: np.ndarray) -> np.ndarray:
+    """(k,) sizes, raised to the effect of the other entries over a characteristic time.
 
-    Where units give the groups, to a small share of it.
+    Where units give the groups, they are raised to a small share of it.
 
-    That time is 1 over the spectral radius of |J|, with J the rate's Jacobian at the start, and at
-    most the span, since a motion adds up no longer than that; the limit matters where J is
-    nilpotent, as at a Bogdanov-Takens point.
+    The time is 1 over the spectral radius of |J|, with J the rate's Jacobian at the start, and at
+    most the span, since effects add up no longer than that; the limit matters where J is nilpotent,
+    as at a Bogdanov-Takens point.
     """
     share = _SHARE if groups(scene.system).known else 1.0
     slope, _ = _linear_terms(scene)
     fastest = max(float(np.abs(np.linalg.eigvals(slope)).max()), 1 / float(scene.t1))
-    for _ in range(len(each)):
-        made = share * alike(scene, slope @ each / fastest)
-        larger = made > (1 + _ROUNDING) * each
+    for _ in range(len(entry_sizes)):
+        effects = share * alike(scene, slope @ entry_sizes / fastest)
+        larger = effects > (1 + _ROUNDING) * entry_sizes
         if not larger.any():
             break
-        each = np.where(larger, made, each)
-    return each
+        entry_sizes = np.where(larger, effects, entry_sizes)
+    return entry_sizes
 
 
 def sizes_along(scene: Scene, ys: np.ndarray, known: np.ndarray) -> np.ndarray:
     """(k,) the sizes along a motion (s, k), from the known ones (k,) at its start."""
-    each = np.maximum(known, alike(scene, np.abs(ys).max(axis=0)))
-    return each if groups(scene.system).known else coupled_sizes(scene, each)
+    found = np.maximum(known, alike(scene, np.abs(ys).max(axis=0)))
+    return found if groups(scene.system).known else coupled_sizes(scene, found)
 
 
-def alike(scene: Scene, each: np.ndarray) -> np.ndarray:
-    """(k,) the largest of each group's numbers, from one non-negative number for each entry."""
-    return groups(scene.system).sizes_on_host(each)
+def alike(scene: Scene, numbers: np.ndarray) -> np.ndarray:
+    """(k,) the largest number of each entry's group, from a non-negative number for each entry."""
+    return groups(scene.system).sizes_on_host(numbers)
 
 
-def largest_entry(vector: np.ndarray, each: np.ndarray) -> int:
+def largest_entry(vector: np.ndarray, entry_sizes: np.ndarray) -> int:
     """The entry of a vector (k,) that is largest in sizes (k,); of several, the first one."""
-    size = np.abs(vector / each)
+    size = np.abs(vector / entry_sizes)
     return int(np.argmax(size > (1 - _ALIKE) * size.max()))
 
 
 def _fill_zeros(scene: Scene, found: np.ndarray, slope: np.ndarray, time: float) -> np.ndarray:
-    """The sizes, where those that are 0 follow from what the others change in a time.
+    """The sizes, with those that are 0 replaced by the effect of the others over a time.
 
     At least one size is not 0. An entry that no other one moves has the size at which the rate's
-    Jacobian `slope` (k, k) changes by itself or by 1 over the time.
+    Jacobian `slope` (k, k) changes by as much as itself, or by 1 over the time.
     """
-    made, y0, own = time * slope, np.asarray(scene.y0), functools.partial(alike, scene)
-    return RateNear(scene.field, 0.0, y0, made, own, 1 / time).fill_zeros(found)
+    effects, y0, own = time * slope, np.asarray(scene.y0), functools.partial(alike, scene)
+    return RateNear(scene.field, 0.0, y0, effects, own, 1 / time).fill_zeros(found)
 
 
 def _linear_terms(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """(k, k) the terms of |J| at the start, 0 where they are rounding; (k,) that of the rate."""
+    """(k, k) |J| at the start, 0 where it is rounding, and (k,) the rounding error of the rate."""
     ys = shifted(np.asarray(scene.y0))
     rates, slopes = (np.asarray(x) for x in _rates_and_slopes(scene, jnp.asarray(ys)))
     noise, blur = (np.abs(x - x[0]).max(axis=0) for x in (rates, slopes))

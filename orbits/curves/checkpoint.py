@@ -19,7 +19,7 @@ from orbits.curves.units import equation_units, units_of, unknown_units
 
 #: What the file of a continuation calls a curve of orbits.
 ORBIT_CURVE = "curve of orbits"
-_HOLDS = 1e-6  # relative closing error above which an orbit is not one of these scenes
+_HOLDS = 1e-6  # largest relative closing error of an orbit that belongs to these scenes
 
 
 def load(path: str | Path, make: MakeOfTwo) -> tuple[OrbitCurve, ...]:
@@ -60,7 +60,7 @@ def codec(extended: Extended) -> Codec:
 
 
 def about(extended: Extended) -> dict[str, Any]:
-    """What distinguishes the equations of a curve from others, besides the scenes."""
+    """The data, other than the scenes, that distinguish the equations of a curve from others."""
     return {
         "kind": str(extended.kind),
         "closing": encode(extended.closing),
@@ -106,7 +106,7 @@ def _check(extended: Extended, point: OrbitCurvePoint) -> None:
     along, x, units = np.zeros(len(extended.place)), point.unknowns, units_of(extended, point)
     try:
         frame = frame_at(extended, x, x[extended.place], along, units)
-        # The length of the vector is that of the point's own frame.
+        # The vector has the length that the frame of its own point gave it.
         size = np.linalg.norm(extended.unpack(x).vectors[0][0] / units.each)
         residual = extended(x, frame._replace(rows=frame.rows / size))[0]
         residual = residual / equation_units(extended, units, len(residual))

@@ -12,8 +12,8 @@ symmetry by which the orbit closes (1 if there is none), and f the rate at the e
 
 Products M w are integrated together with the motion, with the state (y, w) or (y, w, u) of one
 system, in segments; the first derivatives of this system are second derivatives of the motion. The
-period of a driven scene is held by its drive, which is one equation with several entries, so that
-Newton's steps are those of least squares.
+period of a driven scene is fixed by a condition on the drive. That is one condition with several
+entries, so that Newton's steps are solved for by least squares.
 
 Reference: Doedel, Kernevez, Keller (1991), Int. J. Bifurc. Chaos 1, 745; Govaerts, Kuznetsov,
 Dhooge (2005), SIAM J. Sci. Comput. 27, 231.
@@ -73,7 +73,7 @@ class Varied(System):
 
 @functools.lru_cache(maxsize=32)
 def extended_make(make: MakeOfTwo, vectors: int) -> Callable[[Array], Scene]:
-    """The function (2,) parameters -> scene of (y, w, ..); one for each `make` and number."""
+    """The function (2,) parameters -> scene of (y, w, ..); the same for the same arguments."""
 
     def extended(parameters: Array) -> Scene:
         k = len(make(*parameters).labels())
@@ -102,7 +102,7 @@ class Unknowns(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """What the unknowns are compared with.
+    """The data that fix the lengths of the vectors, the phase, and the place on the curve.
 
     Attributes:
       sizes: (k,) sizes of the entries of the state.

@@ -1,7 +1,7 @@
 """Curves of folds, branch points, period doublings and torus points of orbits in two parameters.
 
 A curve is followed by pseudo-arclength in start, period and both parameters, with the equations of
-`extended`; `special` finds the points of codimension two on it.
+`extended`; `special_points` finds the points of codimension two on it.
 """
 
 import dataclasses
@@ -39,9 +39,9 @@ from orbits.shooting.segment import Piece, linearize_end
 #
 # Each kind has a test function of a point, which changes sign there; its zero is located along
 # the curve (`Chart.locate`). At a cusp both parameters turn: the test is their change along the
-# curve, in the direction that it has before the cusp. The tests of the other kinds, in `steps`,
-# are functions of the multipliers besides the critical ones, and at strong resonances of a torus
-# point of its angle.
+# curve, projected on its direction before the cusp. The tests of the other kinds, in `steps`, are
+# functions of the multipliers other than the critical ones or, at the strong resonances of a torus
+# point, of its angle.
 #
 # Reference: Kuznetsov (2004), Elements of Applied Bifurcation Theory, 3rd edition, chapters 9 and
 # 10.
@@ -77,7 +77,7 @@ def _cusp(chart: CurveChart, a: OrbitCurvePoint, b: OrbitCurvePoint) -> OrbitCur
     best = chart.locate(lambda point: float(_turning(chart, point) @ before), a, b)
     if best is None:
         return None
-    # Elsewhere the curve only turns by a right angle in the plane of the parameters.
+    # Otherwise the curve only turns by a right angle in the plane of the parameters.
     if np.linalg.norm(_turning(chart, best)) > _TURNED * np.linalg.norm(before):
         return None
     return dataclasses.replace(best, kind=CodimensionTwo.CUSP)
@@ -141,7 +141,7 @@ def continue_curve(
     Raises:
       ValueError: `point` is of another kind, there is no such orbit near it, the scene has a first
         integral, or a number is out of range or traced.
-    Limits: host only. A branch point is followed only where a symmetry keeps it: the orbit must
+    Limits: host only. A branch point is followed only where a symmetry preserves it: the orbit must
       close after one of two parts (``closing=orbits.Return(symmetry, parts=2)``), over twice the
       period of a drive, and then special points other than cusps are not named. A curve of torus
       points ends at a 1:1 or 1:2 resonance.
@@ -276,9 +276,9 @@ def _critical(extended: Extended, g: np.ndarray, flow: np.ndarray) -> tuple[np.n
         raise fail("point", "an orbit with complex multipliers", "real ones alone")
     pair = upper[np.argmin(np.abs(np.abs(values[upper]) - 1))]
     cosine = values[pair].real / abs(values[pair])
-    # Take a vector in the plane of the pair with a large change, so not one near the eigenvector
-    # that is left of the plane at a 1:1 resonance. Where all vectors change alike, as in a
-    # rotation, the choice is still reproducible.
+    # Take a vector in the plane of the pair that the map changes strongly, so not one near the
+    # eigenvector, the only one of the plane at a 1:1 resonance. Where all vectors change equally,
+    # as in a rotation, the choice is still reproducible.
     plane = np.linalg.qr(np.stack([vectors[:, pair].real, vectors[:, pair].imag], axis=1))[0]
     change = g @ plane - cosine * plane
     w = plane @ (change.T @ change @ (plane.T @ np.random.default_rng(0).standard_normal(k)))

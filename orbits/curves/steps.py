@@ -86,7 +86,7 @@ class CurveChart(Chart[OrbitCurvePoint]):
 def point_at(
     extended: Extended, found: Solution, along: np.ndarray, units: Units
 ) -> OrbitCurvePoint:
-    """The record of a point; its tangent points the same way as `along` (k + 3,), in units."""
+    """The record of a point; its tangent has the direction of `along` (k + 3,), in units."""
     tangent = np.linalg.svd(found.jacobian[:-1])[2][-1]
     place = tangent[extended.place]
     sign = 1.0 if place @ (along / place_units(units)) >= 0 else -1.0
@@ -137,17 +137,20 @@ def partial_return(extended: Extended, orbit: Orbit, monodromy: np.ndarray) -> n
     return np.linalg.solve(-before, after @ monodromy)
 
 
-def reduced_multipliers(extended: Extended, orbit: Orbit, monodromy: np.ndarray, each: np.ndarray):
+def reduced_multipliers(
+    extended: Extended, orbit: Orbit, monodromy: np.ndarray, entry_sizes: np.ndarray
+):
     """The multipliers of the map over a part of the period, without the one along the flow.
 
-    The entries of the state have sizes `each` (k,).
+    The entries of the state have sizes `entry_sizes` (k,).
     """
-    m = map_in_units(partial_return(extended, orbit, monodromy), each)
+    m = map_in_units(partial_return(extended, orbit, monodromy), entry_sizes)
     if not extended.driven:
-        flow = np.asarray(orbit.scene.rate(0.0, orbit.y0)) / each
+        flow = np.asarray(orbit.scene.rate(0.0, orbit.y0)) / entry_sizes
         q = np.linalg.svd(flow[:, None])[0][:, 1:]
         m = q.T @ m @ q
-    return map_eigenvalues(m, extended.rtol * np.linalg.norm(map_in_units(monodromy, each), 2))
+    growth = np.linalg.norm(map_in_units(monodromy, entry_sizes), 2)
+    return map_eigenvalues(m, extended.rtol * growth)
 
 
 def _tests(extended: Extended, found, cosine: float) -> dict[CodimensionTwo, float]:
@@ -174,7 +177,7 @@ def _tests(extended: Extended, found, cosine: float) -> dict[CodimensionTwo, flo
 
 
 def _besides(kind: Kind, values, bars, cosine: float):
-    """The multipliers besides the critical ones, with their bars."""
+    """The multipliers other than the critical ones, with their bars."""
     turn = np.exp(1j * np.arccos(complex(cosine)))
     critical = {Kind.FOLD: [1.0], Kind.DOUBLING: [-1.0], Kind.TORUS: [turn, 1 / turn]}
     for value in critical[kind]:
@@ -191,8 +194,7 @@ def _value(values: np.ndarray, at: float) -> float:
 def _slope(values: np.ndarray, at: float) -> float:
     """The derivative of the characteristic polynomial; at a zero, the product of other differences.
 
-    Written as a sum, it is smooth where two multipliers meet, each of which then has only half of
-    the digits.
+    The sum is smooth where two multipliers meet, each of which then has only half of the digits.
     """
     others = [np.prod(at - np.delete(values, i)) for i in range(len(values))]
     return float(np.sum(others).real)
@@ -200,8 +202,8 @@ def _slope(values: np.ndarray, at: float) -> float:
 
 def frame_at(extended: Extended, start, point, along, units: Units) -> Frame:
     """The frame at unknowns, with the plane through a point and normal to `along`, in units."""
-    unknowns, each = extended.unpack(start), units.each
-    w = unknowns.vectors[0] / each
+    unknowns, entry_sizes = extended.unpack(start), units.each
+    w = unknowns.vectors[0] / entry_sizes
     first = w[0] / np.linalg.norm(w[0])
     rows = first[None]
     if extended.kind == Kind.TORUS:
@@ -209,14 +211,14 @@ def frame_at(extended: Extended, start, point, along, units: Units) -> Frame:
         rows = np.stack([first, across / np.linalg.norm(across)])
     y0 = unknowns.states[0]
     flow = np.asarray(extended.make(*unknowns.parameters).rate(jnp.zeros(()), jnp.asarray(y0)))
-    flow = flow / each
+    flow = flow / entry_sizes
     normal = along / place_units(units)
     return Frame(
-        sizes=each,
+        sizes=entry_sizes,
         time=units.time,
-        rows=rows / each,
+        rows=rows / entry_sizes,
         start=y0,
-        flow=flow / (np.linalg.norm(flow) or 1.0) / each,
+        flow=flow / (np.linalg.norm(flow) or 1.0) / entry_sizes,
         point=point,
         along=normal / (np.linalg.norm(normal) or 1.0) / place_units(units),
     )

@@ -1,9 +1,9 @@
 """The units of curves: the sizes of their orbits, a radian of the period, and parameters' units.
 
 All lengths, angles, ranks and residuals are in these units, so that none depends on the units of
-the scenes. The first orbit of a curve decides on them; entries that grow along the curve have their
+the scenes. The first orbit of a curve determines them; entries that grow along the curve have their
 largest size so far. Special points have the units of the member before. The unit of a parameter
-follows from what the parameter changes, as along families (`orbits.families.sizes`).
+follows from the effect of the parameter, as along families (`orbits.families.sizes`).
 """
 
 import dataclasses
@@ -26,9 +26,10 @@ def units_at(
     """The units of an orbit from states (s, k) along it; the first one is its start."""
     scene = extended.make(*jnp.asarray(parameters)).starting(states[0], period)
     ts, ys = _motion(extended, scene, states)
-    each = sizes_along(scene, ys, sizes(scene))
+    entry_sizes = sizes_along(scene, ys, sizes(scene))
     make, both = extended_make(extended.make, 0), jnp.asarray(parameters)
-    return Units(each, parameter_units(scene, make, both, ts, ys, each), _radian(period))
+    by_effect = parameter_units(scene, make, both, ts, ys, entry_sizes)
+    return Units(entry_sizes, by_effect, _radian(period))
 
 
 def units_of(extended: Extended, point: OrbitCurvePoint) -> Units:
@@ -39,12 +40,12 @@ def units_of(extended: Extended, point: OrbitCurvePoint) -> Units:
 
 
 def as_member(extended: Extended, point: OrbitCurvePoint, sense: float = 1.0) -> OrbitCurvePoint:
-    """A point as a member: its units are at least its entries, its tangent is times `sense`."""
+    """A point as a member, with units that grow with its entries, and its tangent times `sense`."""
     units, unknowns = units_of(extended, point), extended.unpack(point.unknowns)
     scene = point.orbit.scene
     _, ys = _motion(extended, scene, np.asarray(unknowns.states))
-    each = np.maximum(units.each, sizes_along(scene, ys, sizes(scene)))
-    units = units._replace(each=each, time=_radian(float(unknowns.period)))
+    entry_sizes = np.maximum(units.each, sizes_along(scene, ys, sizes(scene)))
+    units = units._replace(each=entry_sizes, time=_radian(float(unknowns.period)))
     length = np.linalg.norm(point.tangent[extended.place] / place_units(units))
     return dataclasses.replace(point, tangent=sense * point.tangent / length, units=units.numbers)
 

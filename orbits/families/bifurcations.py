@@ -2,10 +2,11 @@
 
 Most kinds have a test function of the members, which changes sign where a family passes such a
 point (`_TESTS`); its zero is located by steps along the family. Multipliers that leave the unit
-circle in pairs are counted instead, and the place is located by bisection. So are two that leave
-through 1 or -1 within a step, which is halved until each has a part of its own, unless they leave
-at the same place, as they may where the scene is symmetric. Where rounding leaves the sign of a
-test open, as for a multiplier of 1e29 +- 3e29 near a homoclinic orbit, nothing is found.
+circle in pairs are counted instead, and the point is located by bisection. If two leave through 1
+or -1 within a step, the step is halved until each leaves in a part of its own; two that leave at
+the same place, as they may in a symmetric scene, are located by bisection too. Where rounding
+leaves the sign of a test open, as for a multiplier of 1e29 +- 3e29 near a homoclinic orbit, nothing
+is found.
 
 - Fold: the parameter, or else the energy (or the first integral, in a scene without an energy),
   is stationary along the family. A multiplier is 1 there.
@@ -39,16 +40,16 @@ from orbits.shooting.equations import Equations
 #: An integral that changes along the family by less than this share of its gradient is constant.
 _CONSTANT = 1e-11
 _STEPS = 40  # steps of a bisection
-#: A test counts as zero below this share of its larger value at two neighbours.
+#: A test counts as zero below this share of the larger of its values at the two neighbours.
 _ZERO = 1e-3
 #: Relative distance below which two special points are one.
 _SAME_PLACE = 1e-5
-#: Bars wider than this leave open where a multiplier within them is.
+#: Bars wider than this leave open on which side of a critical value a multiplier is.
 _VAGUE = 0.1
-#: Families cross at a point whose distance from a crossing (`Surface.crossing`) is below this part
-#: of its neighbours'.
+#: Families cross at a point whose distance from a crossing (`Surface.crossing`) is below this share
+#: of that of its neighbours.
 _CROSSED = 1e-4
-#: They do not where it is above this part: a place that rounding leaves vague is still nearer.
+#: They do not cross where it is above this share: a crossing blurred by rounding is still nearer.
 _FAR = 0.5
 #: Most halvings of a step in which special points may hide each other.
 _HALVINGS = 16
@@ -75,9 +76,9 @@ def special_points(
     places = [
         (kind, zero_between(surface, a, b, _TESTS[kind])) for kind in _TESTS if kind in certain
     ]
-    turns = next((point for kind, point in places if kind == Kind.FOLD), None)
-    if turns is not None and _bends(surface, a, b, turns, certain):
-        places = [(Kind.BRANCH, turns) if kind == Kind.FOLD else (kind, x) for kind, x in places]
+    fold = next((point for kind, point in places if kind == Kind.FOLD), None)
+    if fold is not None and _bends(surface, a, b, fold, certain):
+        places = [(Kind.BRANCH, fold) if kind == Kind.FOLD else (kind, x) for kind, x in places]
     if _turns_steeply(surface, a, b, dict(places), certain):
         places = [(Kind.FOLD if kind == Kind.BRANCH else kind, x) for kind, x in places]
     found = [_with_kind(surface, kind, point) for kind, point in places if point is not None]
@@ -116,7 +117,8 @@ def zero_between(
     best = OrbitChart(surface, a, known=known).locate(value, a, b)
     if best is None or abs(value(best)) > small:
         return None
-    # One of the flow's that rounding hides there would be taken for a multiplier of 1.
+    # If there are more, rounding hides that one belongs to the flow or a symmetry: it is not a
+    # critical one.
     most = max(len(member.stability.nontrivial) for member in (a, b))
     return None if known and len(best.stability.nontrivial) > most else best
 
@@ -144,16 +146,16 @@ def _same(a: Member, b: Member) -> bool:
     return abs(a.point.along(a.tangent, b.point.x)) < _SAME_PLACE * (1.0 + a.point.size)
 
 
-def _bends(surface: Surface, a: Member, b: Member, turns: Member, certain: set[Kind]) -> bool:
+def _bends(surface: Surface, a: Member, b: Member, fold: Member, certain: set[Kind]) -> bool:
     """Whether a family turns where another one crosses it, as the bent branch of a pitchfork does.
 
-    At a fold a multiplier passes through 1; at such a point it comes to 1 and returns.
+    At a fold a multiplier passes through 1; at such a point it reaches 1 and turns back.
     """
     test = _TESTS[Kind.BRANCH]
     if Kind.BRANCH not in certain or test(surface, a) * test(surface, b) < 0:
         return False
-    # Folds and branch points may come in one step, as on the way to a homoclinic orbit.
-    here, beside = _distances_from_crossing(surface, turns, a, b)
+    # A fold and a branch point may lie in one step, as on the way to a homoclinic orbit.
+    here, beside = _distances_from_crossing(surface, fold, a, b)
     return here < _CROSSED * beside
 
 
@@ -162,8 +164,8 @@ def _turns_steeply(
 ) -> bool:
     """Whether a multiplier passes through 1 at a fold near which the parameter hardly changes.
 
-    In a canard explosion its change along the family is no more than rounding, and leaves open
-    where it has a fold; the multiplier shows the place.
+    In a canard explosion the change of the parameter along the family is no more than rounding,
+    which leaves the place of a fold open; the multiplier shows it.
     """
     point = places.get(Kind.BRANCH)
     if point is None or Kind.FOLD in certain or surface.equations.make is None:
@@ -189,8 +191,8 @@ def _place(member: Member) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def _with_kind(surface: Surface, kind: Kind, point: Member) -> Member:
     """The point with its kind."""
-    # An integral that the scene does not name is stationary where no second family crosses.
-    # (Closing by a symmetry hides families without it.)
+    # Where no second family crosses, an integral that the scene does not name is stationary: that
+    # is a fold. (Closing by a symmetry hides families without the symmetry.)
     hidden = point.alike.shape[1] and surface.parts == 1
     if kind == Kind.BRANCH and hidden and surface.other_direction(*_place(point)) is None:
         kind = Kind.FOLD
@@ -222,10 +224,10 @@ def _through(value: float) -> Test:
 
 
 def _branch(surface: Surface, member: Member) -> float:
-    """The multipliers less 1, or where one of them is 1 all along the family, the equations.
+    """The product of the multipliers minus 1; the determinant of the equations if one stays at 1.
 
-    So it is for the orbits about a centre, as those of van der Pol's oscillator at mu = 0: where
-    its limit cycles begin only the equations show it, by the derivative with respect to mu.
+    One stays at 1 along the orbits about a centre, as those of van der Pol's oscillator at mu = 0:
+    only the equations show where its limit cycles begin, by their derivative with respect to mu.
     """
     if member.alike.shape[1] and surface.equations.make is not None:
         found = surface.bordered_determinant(member.point, member.tangent)
@@ -234,7 +236,7 @@ def _branch(surface: Surface, member: Member) -> float:
     return _through(1.0)(surface, member)
 
 
-#: The multiplier with which a family meets another one.
+#: The critical multiplier where a family meets another one.
 _MET = {Kind.BRANCH: 1.0, Kind.DOUBLING: -1.0}
 #: Test functions of a member, which change sign at special points.
 _TESTS = {Kind.FOLD: _fold, Kind.BRANCH: _branch, Kind.DOUBLING: _through(-1.0)}
@@ -268,8 +270,8 @@ def _leave_in_pairs(surface: Surface, a: Member, b: Member) -> bool:
     of multipliers outside.
     """
     for known in (a.stability, b.stability):
-        inside_or_out = np.abs(np.abs(known.nontrivial) - 1) <= known.bars
-        if ((known.bars > _VAGUE) & inside_or_out).any():
+        near_circle = np.abs(np.abs(known.nontrivial) - 1) <= known.bars
+        if ((known.bars > _VAGUE) & near_circle).any():
             return False
     change = abs(int(_is_outside(a).sum()) - int(_is_outside(b).sum()))
     return change - _count_at_plus_minus_one(surface, a, b) >= 2
@@ -285,7 +287,7 @@ def _hide_each_other(surface: Surface, a: Member, b: Member) -> bool:
     """Whether special points between two members may hide each other.
 
     A pair that leaves the circle may hide one that returns through +1 or -1, and two multipliers
-    that leave through the same of these points leave the sign of its test as it was.
+    that leave through the same one of these points do not change the sign of its test.
     """
     if _leave_along_axis(a, b) is not None and _leave_in_pairs(surface, a, b):
         return True
@@ -320,7 +322,7 @@ def _is_outside(member: Member) -> np.ndarray:
 def _pair_kind(a: Member, b: Member) -> Kind:
     """How multipliers left the circle in pairs; at a Krein collision they go to both sides.
 
-    Both members are next to that place: reciprocals are told from others by their distance.
+    Since both members are next to the collision, reciprocals are recognised by their distance.
     """
     outer = max(a, b, key=lambda member: int(_is_outside(member).sum()))
     values = outer.stability.nontrivial

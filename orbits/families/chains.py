@@ -1,4 +1,4 @@
-"""Chains of legs as a surface of solutions, so that families of them are followed as of orbits.
+"""Chains of legs as a surface of solutions, so that their families are followed as of orbits.
 
 The unknowns are those of `orbits.hybrid.equations`. The solutions continue beyond a grazed event,
 but as chains that are not motions; so grazing is a special point at which a family ends.
@@ -23,7 +23,7 @@ from orbits.orbit import Outcome
 from orbits.shooting.equations import Units, UnknownSizes
 from orbits.shooting.segment import UNTIMED, Limits
 
-_RANK = 1e-9  # smaller singular values, relatively, belong to what a closing leaves out
+_RANK = 1e-9  # smaller singular values, relatively, belong to directions that a closing leaves out
 _HOLDS = 1e-6  # a chain over several periods closes better than this if its closing allows it
 
 
@@ -47,7 +47,7 @@ class ChainSurface(Surface):
 
     def stability(self, orbit: HybridOrbit, point: Point, alike: np.ndarray) -> Stability:
         del point, alike  # nothing is known about integrals
-        # A chain beyond a bound has them as well: tests there show that the bound was passed.
+        # A chain beyond a bound has multipliers too; tests there show that the bound was passed.
         closed = dataclasses.replace(orbit, outcome=Outcome.FOUND)
         return stability(closed, throw=False)
 
@@ -70,17 +70,17 @@ class ChainSurface(Surface):
     def _closing_in_units(
         self, x: np.ndarray, known: UnknownSizes, limits: Limits = UNTIMED
     ) -> "_InUnits":
-        del limits  # phases have their own
+        del limits  # legs have limits of their own
         return _InUnits(self.equations, x, self.rtol, self._units(x, known), known.sizes)
 
     def _unknown_sizes(self, x: np.ndarray, least: np.ndarray | float = 0.0) -> UnknownSizes:
         chain, unknowns = self.equations, self.equations.unpack(x)
         found = chain.linearize(x, self.rtol)
-        each = chain.sizes(found, unknowns.spans, unknowns.parameter)
-        own = np.maximum(each[0], least)
+        leg_sizes = chain.sizes(found, unknowns.spans, unknowns.parameter)
+        own = np.maximum(leg_sizes[0], least)
         if chain.make is None:
             return UnknownSizes(own)
-        rows = chain.residual_units(found, unknowns.spans, each, unknowns.parameter)
+        rows = chain.residual_units(found, unknowns.spans, leg_sizes, unknowns.parameter)
         # A unit of the parameter changes the most sensitive equation by that equation's unit.
         most = float(np.abs(found.jacobian[:, -2] / rows).max())
         return UnknownSizes(own, 1 / most if 0 < most < np.inf else 1.0)
@@ -94,17 +94,17 @@ class ChainSurface(Surface):
         rows = np.linalg.norm(jacobian, axis=1, keepdims=True)
         return jacobian / np.where(rows > 0, rows, 1.0)
 
-    def _neutral(self, x, jacobian, in_units: np.ndarray, each: np.ndarray) -> np.ndarray:
+    def _neutral(self, x, jacobian, in_units: np.ndarray, entry_sizes: np.ndarray) -> np.ndarray:
         chain, unknowns = self.equations, self.equations.unpack(x)
         start = unknowns.start
         scene = chain.legs_at(unknowns.parameter)[0].scene
         shift = np.zeros(len(unknowns.spans))
         shift[0], shift[-1] = shift[0] - 1.0, shift[-1] + 1.0
         columns = [chain.pack(np.asarray(scene.rate(0.0, start)), shift)]
-        by_start = closing_in_sizes(chain.closes, start, start, each)[1]
+        by_start = closing_in_sizes(chain.closes, start, start, entry_sizes)[1]
         _, s, vt = np.linalg.svd(by_start)
-        kept = int((s > _RANK * s.max(initial=0.0)).sum())
-        columns += [chain.pack(each * way, np.zeros_like(shift)) for way in vt[kept:]]
+        compared = int((s > _RANK * s.max(initial=0.0)).sum())
+        columns += [chain.pack(entry_sizes * v, np.zeros_like(shift)) for v in vt[compared:]]
         return kept_directions(jacobian, [column / in_units for column in columns])
 
 
@@ -117,8 +117,8 @@ class _InUnits:
         self.chain, self.rtol, self.sizes = chain, rtol, sizes
         unknowns = chain.unpack(x)
         self._last = x, chain.linearize(x, rtol)
-        each = chain.sizes(self._last[1], unknowns.spans, unknowns.parameter)
-        rows = chain.residual_units(self._last[1], unknowns.spans, each, unknowns.parameter)
+        leg_sizes = chain.sizes(self._last[1], unknowns.spans, unknowns.parameter)
+        rows = chain.residual_units(self._last[1], unknowns.spans, leg_sizes, unknowns.parameter)
         self.units = Units(in_units, rows)
 
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -140,7 +140,7 @@ class _InUnits:
 # the bound has a minimum of zero on the way. Beyond that the chain closes, but is not a motion: it
 # meets an event from its far side, or passes a bound.
 
-_SAMPLES = 400  # samples of a leg to find a minimum, and about that sample to refine it
+_SAMPLES = 400  # samples of a leg, to find a minimum, and again about that sample, to refine it
 
 
 def margins(orbit: HybridOrbit) -> np.ndarray:

@@ -27,7 +27,7 @@ _UNITS = ("sizes", "units")  # fields of a point that files of earlier versions 
 _NOT_NUMBERS = ("equations", "jacobian", "growth")  # fields of a point that are not written
 #: Entry of a point whose orbit was cut into other segments than the first orbit.
 _CUTS = "cuts"
-_HOLDS = 1e-6  # relative closing error above which an orbit is not one of these scenes
+_HOLDS = 1e-6  # largest relative closing error of an orbit that belongs to these scenes
 
 
 class _Segmentation(NamedTuple):
@@ -80,8 +80,8 @@ def _in_units(point: Point, fields: dict[str, Any]) -> dict[str, np.ndarray]:
     if tangent.shape != point.x.shape or alike.shape[:1] != point.x.shape:
         raise fail("file", "directions of the unknowns", f"{tangent.shape}, {alike.shape}", OTHER)
     length = float(np.linalg.norm(tangent / point.units))
-    ways = np.linalg.qr(alike / point.units[:, None])[0]
-    return {"tangent": tangent / length, "alike": point.units[:, None] * ways}
+    basis = np.linalg.qr(alike / point.units[:, None])[0]
+    return {"tangent": tangent / length, "alike": point.units[:, None] * basis}
 
 
 def what(surface: Surface) -> str:
@@ -90,7 +90,7 @@ def what(surface: Surface) -> str:
 
 
 def about(surface: Surface) -> dict[str, Any]:
-    """What distinguishes the equations of a family from others, besides the scenes."""
+    """The data, other than the scenes, that distinguish the equations of a family from others."""
     equations = surface.equations
     if isinstance(equations, ChainEquations):
         closes = getattr(equations.closes, "__qualname__", type(equations.closes).__name__)

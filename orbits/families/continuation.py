@@ -54,7 +54,7 @@ from orbits.shooting.segmentation import cut_into_segments
 
 # ---- Families that close upon themselves (isolas): the first orbit again
 #
-# A step that passes the first member comes near it from behind. Where any point of an orbit may be
+# A step that passes the first member approaches it from behind. Where any point of an orbit may be
 # its start, this shows in the parameter and the period, otherwise in all unknowns. If the orbit
 # there is the first one, the family is closed.
 
@@ -89,8 +89,8 @@ def first_met_again(surface: Surface, first: Member, a: Member, b: Member) -> Me
 
 # ---- Families of periodic orbits, followed by pseudo-arclength in the space of all unknowns
 
-#: Fewest segments, so that lengths and directions along a family are those of a whole motion: as
-#: seen at a single start, a family may turn or be stiff merely because of where that start lies.
+#: Fewest segments, so that lengths and directions along a family are those of a whole motion: at a
+#: single start a family may turn, or need tiny steps, merely because of where that start lies.
 _SEGMENTS = 4
 #: Distances from a special point at which another branch is looked for, in turn.
 _AMPLITUDES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
@@ -145,7 +145,7 @@ def continue_family(
     """The family of periodic orbits that an orbit belongs to.
 
     Args:
-      orbit: its first member; what `find` or `find_hybrid` returned.
+      orbit: its first member; a result of `find` or `find_hybrid`.
       make: the scene for each value of a parameter, e.g. a function ``mu -> van_der_pol(mu)``;
         its start and span do not matter. The default is the family of a conservative scene along
         which energy and period change. For a chain of legs it makes the legs, or the phases from
@@ -155,8 +155,8 @@ def continue_family(
         the largest orbit so far (`orbits.closing.sizes`); later steps are up to ten times as long.
       members: largest number of members.
       down: start towards a smaller parameter, or without one towards a shorter period; False for
-        a larger or longer one. By default that, except from a small orbit about an equilibrium, as
-        `from_hopf` finds it: then the family leads away from the equilibrium.
+        a larger or longer one. The default is False, except from a small orbit about an
+        equilibrium, as `from_hopf` finds it: then the family leads away from the equilibrium.
       within: bounds on the parameter, or without one on the period; a family that leaves them ends
         with the member on the bound.
       energies: bounds on the energy of the members, likewise; not for chains.
@@ -174,7 +174,7 @@ def continue_family(
     Raises:
       ValueError: `orbit` does not close, or belongs to no family; only one of `make` and
         `parameter` is given; `step`, `members` or a pair of bounds is out of range; a chain of legs
-        is given without `make`, or with what is not for chains.
+        is given without `make`, or with an argument that is not for chains.
     Limits: host only. A family that closes upon itself ends where it meets its first member again.
       A family of chains ends where one grazes an event, since beyond it they are not motions. A
       special point is detected where a multiplier changes sides between two members: if two do so
@@ -283,8 +283,8 @@ def switch_branch(
     here = surface.point(x, point.residual, 0, point.sizes)
     for size in _AMPLITUDES if amplitude is None else (amplitude,):
         found = surface.nearest(x + size * aside, across=aside, near=point)
-        # The known branch, which bends towards the other direction, would be as far away there as
-        # the root of the amplitude. With a given amplitude any orbit is accepted.
+        # The known branch, if it bends towards the other direction, is farther away there: by about
+        # the square root of the amplitude. With a given amplitude any orbit is accepted.
         beside = np.inf if amplitude is not None else _BESIDE * size
         if found is not None and here.distance(found.x) < beside:
             return surface.orbit(found), parameter_at(surface, found.x)
@@ -323,8 +323,8 @@ class _Problem(BranchProblem[Member]):
     def __init__(self, surface: Surface, within, energies):
         self.surface, self.within, self.energies = surface, within, energies
         self.what = checkpoint.what(surface)
-        #: The last member whose multipliers are known to be on one side of 1, while those of the
-        #: members since then are not, and no point has been found at which one is 1.
+        #: The last member whose multipliers are certainly on one side of 1, while those of the
+        #: members since are not, and no point has been found at which one is 1; else None.
         self.known: Member | None = None
 
     def chart(self, member: Member) -> OrbitChart:
@@ -367,8 +367,8 @@ class _Problem(BranchProblem[Member]):
     def _loses_drive(self, orbit: Orbit | HybridOrbit) -> bool:
         """Whether the period is no multiple of the drive's.
 
-        Near a resonance without damping the drive is soon rounding beside the rate of the motion,
-        and then any period closes.
+        Near a resonance without damping the drive soon becomes rounding error of the rate, and then
+        any period closes.
         """
         equations = self.surface.equations
         if isinstance(equations, ChainEquations) or not equations.driven:

@@ -11,8 +11,8 @@ With A, B and C the first three derivatives of the return map, |q| = 1 and p q =
   with (1 - A) g = B(q, q*), (exp(2 i a) - A) h = B(q, q); supercritical for d < 0.
 
 Verdicts are reached with entries in units of their sizes along the orbit; the coefficients that are
-returned are for unit vectors of the state itself. Sums with B and C are coefficients of the series
-of the map along curves of starts such as e q + e^2 h / 2: no tensor is formed.
+returned are for unit vectors of the state itself. The terms with B and C are coefficients of the
+series of the map along curves of starts such as e q + e^2 h / 2: no tensor is formed.
 
 Reference: Kuznetsov (2004), Elements of Applied Bifurcation Theory, 3rd edition, sections 5.4 and
 9.7.
@@ -80,13 +80,13 @@ def _carry(scene: Scene, curve: Array, period: Array, rtol) -> Array:
 
 
 @jax.jit
-def _return_curve(scene: Scene, curve: Array, each: Array) -> Array:
+def _return_curve(scene: Scene, curve: Array, entry_sizes: Array) -> Array:
     """A curve of states (4, k) moved along the flow to the plane through the scene's start.
 
-    The plane is orthogonal to the flow there when entries are in units of `each` (k,).
+    The plane is orthogonal to the flow there, with entries in units of `entry_sizes` (k,).
     """
     y0 = scene.y0
-    normal = scene.rate(jnp.zeros(()), y0) / each**2
+    normal = scene.rate(jnp.zeros(()), y0) / entry_sizes**2
 
     def rate(y):
         return scene.rate(jnp.zeros(()), y)
@@ -108,21 +108,21 @@ def _return_curve(scene: Scene, curve: Array, each: Array) -> Array:
     return taylor_coefficients(lambda e: moved(times, e), ORDER)
 
 
-def basis(orbit: Orbit, driven: bool, each: np.ndarray) -> np.ndarray:
-    """(k, d) a basis of starts: of all of them, or of those orthogonal to the flow.
+def basis(orbit: Orbit, driven: bool, entry_sizes: np.ndarray) -> np.ndarray:
+    """(k, d) a basis of starts: of all if the orbit is driven, else of those across the flow.
 
-    It is orthonormal when entries are in units of `each` (k,).
+    It is orthonormal with entries in units of `entry_sizes` (k,).
     """
     if driven:
-        return np.diag(each)
+        return np.diag(entry_sizes)
     flow = np.asarray(orbit.scene.rate(jnp.zeros(()), jnp.asarray(orbit.y0)))
-    return each[:, None] * np.linalg.svd((flow / each)[None])[2][1:].T
+    return entry_sizes[:, None] * np.linalg.svd((flow / entry_sizes)[None])[2][1:].T
 
 
 # ---- Super- or subcritical: coefficients of the normal form of the map of an orbit
 
-#: Largest distance of a multiplier from its value at the bifurcation, and of another one from it
-#: for the two to be a double one.
+#: Largest distance of a multiplier from its value at the bifurcation; another multiplier as near
+#: makes it a double one.
 _CRITICAL = 1e-4
 _RESONANT = 1e-3  # a smaller |exp(3 i a) - 1| or |exp(4 i a) - 1| means a strong resonance
 _PHASES = 5  # equally spaced phases, which separate the harmonics of a series that are needed
@@ -134,8 +134,8 @@ class Criticality:
 
     Attributes:
       kind: kind of the bifurcation.
-      coefficient: the coefficient that decides, for unit eigenvectors; the cubic one for a branch
-        point.
+      coefficient: the coefficient that decides the verdict, for unit eigenvectors; the cubic one
+        for a branch point.
       bar: its error bar.
       quadratic: quadratic coefficient of a fold or branch point, else NaN.
       verdict: "supercritical", "subcritical", "fold", "transcritical" or "undecided".
@@ -164,8 +164,8 @@ class Criticality:
 _MEANING = {
     "fold": "Two orbits meet, and none is left beyond.",
     "transcritical": "Two families cross.",
-    "supercritical": "What branches off lies where the orbit is unstable, and takes its stability.",
-    "subcritical": "What branches off lies where the orbit is stable, and is unstable.",
+    "supercritical": "New motions exist where the orbit is unstable, and inherit its stability.",
+    "subcritical": "New motions exist where the orbit is stable, and are unstable.",
     "undecided": "The coefficient is zero within its bar: a point of codimension two is near.",
     "resonance": "The rotation is in a strong resonance (1:3 or 1:4): the coefficient does not "
     "decide. Search for the orbits of three or four periods.",
@@ -209,11 +209,11 @@ def criticality(point: Member | Orbit, kind: Kind | str | None = None) -> Critic
     _check(orbit)
     moving = is_driven(orbit.scene)
     # The start of a member may be rounding, as that of a rest state in a driven scene.
-    each = point.point.sizes if isinstance(point, Member) else sizes(orbit.scene)
+    entry_sizes = point.point.sizes if isinstance(point, Member) else sizes(orbit.scene)
     rtol = orbit.rtol
-    axes = basis(orbit, moving, each)
+    axes = basis(orbit, moving, entry_sizes)
     fine, coarse = (
-        _form(kind, _Map(orbit, axes, each, moving, tolerance))
+        _form(kind, _Map(orbit, axes, entry_sizes, moving, tolerance))
         for tolerance in (rtol, coarser(rtol))
     )
     bars = [abs(a - b) + 1e-12 * abs(a) for a, b in zip(fine[:2], coarse[:2], strict=True)]
@@ -227,14 +227,14 @@ class _Map:
     Attributes:
       orbit: an orbit that returns after its period.
       axes: (k, d) the `basis` of starts.
-      each: (k,) the sizes in which it is orthonormal.
+      entry_sizes: (k,) the sizes in which it is orthonormal.
       driven: whether the rate depends on time.
       rtol: tolerance of the integrations.
     """
 
     orbit: Orbit
     axes: np.ndarray
-    each: np.ndarray
+    entry_sizes: np.ndarray
     driven: bool
     rtol: float
 
@@ -244,10 +244,10 @@ class _Map:
         curve = jnp.asarray(np.stack([y0, axes @ u1, axes @ u2, np.zeros(len(y0))]))
         end = _carry(orbit.scene, curve, jnp.asarray(orbit.period), self.rtol)
         if not self.driven:
-            # The constant term is the start up to the closing error, which would move the plane.
+            # The constant term is the start up to the closing error, which would shift the plane.
             known = end.at[0].set(jnp.asarray(y0))
-            end = _return_curve(orbit.scene, known, jnp.asarray(self.each))
-        return np.asarray(end[1:]) / self.each @ (axes / self.each[:, None])
+            end = _return_curve(orbit.scene, known, jnp.asarray(self.entry_sizes))
+        return np.asarray(end[1:]) / self.entry_sizes @ (axes / self.entry_sizes[:, None])
 
     def derivative(self) -> np.ndarray:
         """(d, d) the derivative of the return map."""
@@ -292,12 +292,12 @@ class _Critical(NamedTuple):
 
 
 class _Form(NamedTuple):
-    """The coefficient that decides, the quadratic one, |q|, and why it does not decide, if so."""
+    """The coefficient that decides, the quadratic one, |q|, and what makes it undefined, if so."""
 
     coefficient: float
     quadratic: float
     length: float
-    doubt: str = ""
+    obstacle: str = ""
 
 
 def _fold(returns: _Map, critical: _Critical) -> _Form:
@@ -331,8 +331,8 @@ def _torus(returns: _Map, critical: _Critical) -> _Form:
     )
     cubic = p @ (turns**-1 @ thirds) / _PHASES
     resonant = min(abs(turn**3 - 1), abs(turn**4 - 1)) <= _RESONANT
-    doubt = "resonance" if resonant else ""
-    return _Form(float((cubic / turn).real), np.nan, returns.length(q), doubt)
+    obstacle = "resonance" if resonant else ""
+    return _Form(float((cubic / turn).real), np.nan, returns.length(q), obstacle)
 
 
 def _form(kind: Kind, returns: _Map) -> _Form:
@@ -351,10 +351,10 @@ _SIGNS = {Kind.BRANCH: -1.0, Kind.DOUBLING: 1.0, Kind.TORUS: -1.0}
 
 
 def _judge(kind: Kind, fine: _Form, bars: list[float]) -> Criticality:
-    coefficient, quadratic, length, doubt = fine
+    coefficient, quadratic, length, obstacle = fine
     bar, other = bars
-    if doubt:
-        verdict, meaning = "undecided", doubt
+    if obstacle:
+        verdict, meaning = "undecided", obstacle
     elif kind == Kind.BRANCH and abs(quadratic) > other + _CRITICAL * abs(coefficient):
         verdict = meaning = "transcritical"
     elif not abs(coefficient) > bar:
@@ -362,8 +362,8 @@ def _judge(kind: Kind, fine: _Form, bars: list[float]) -> Criticality:
     elif kind == Kind.FOLD:
         verdict = meaning = "fold"
     else:
-        right = coefficient * _SIGNS[kind] > 0
-        verdict = meaning = "supercritical" if right else "subcritical"
+        is_super = coefficient * _SIGNS[kind] > 0
+        verdict = meaning = "supercritical" if is_super else "subcritical"
     unit = length if kind == Kind.FOLD else length**2
     return Criticality(
         kind, coefficient / unit, bar / unit, quadratic / length, verdict, _MEANING[meaning]

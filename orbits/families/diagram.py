@@ -1,7 +1,7 @@
 """A bifurcation diagram: equilibria, orbits that begin at their Hopf points, and their branches.
 
-Each family begins at a special point of one before it. What cannot be followed is kept as a failure
-with its reason, beside all that was found.
+Each family begins at a special point of an earlier one. A family that cannot be followed is kept as
+a failure with its reason, beside all that was found.
 """
 
 import dataclasses
@@ -35,11 +35,11 @@ from orbits.shooting.segment import Make
 _SAME = 1e-6  # distance in units of the family below which two special points are one
 _MET = 1e-4  # the same for branch points of orbits, in parameter and period
 _NEAR = 1e-2  # the same for a Hopf point and orbits that have shrunk to it
-_ROUNDING = 1e-12  # units of the parameter below which two values of it are one
+_ROUNDING = 1e-12  # two values of the parameter that differ by less, in units, are one
 _SAMPLES = 200  # samples of an orbit, for the extremes of an entry
 #: Names in the file of a diagram.
 DOUBLINGS, FAILURE = "doublings", "failure"
-#: What a search or a continuation raises where there is nothing to find.
+#: The errors of a search or a continuation where there is nothing to find.
 _FAILURES = (ValueError, SearchError, IntegrationError)
 
 
@@ -72,7 +72,7 @@ class Diagram:
       equilibria: families of equilibria.
       orbits: families of orbits.
       depths: for each family of orbits, the number of doublings that lead to it.
-      failures: what was not found.
+      failures: the families that were not found.
     """
 
     equilibria: tuple[EquilibriumFamily, ...]
@@ -147,7 +147,7 @@ def diagram(
       path: file (.jsonl) to which each member is written as it is found; the same call resumes from
         it where it was interrupted. See `orbits.families.load`.
     Returns:
-      All families, and what could not be followed, with the reason.
+      All families, and those that could not be followed, with the reason.
     Raises:
       ValueError: there is no equilibrium near `start`, or a number is out of range; see
         `continue_equilibria`.
@@ -223,7 +223,7 @@ def _units(point: Equilibrium) -> np.ndarray:
 
 
 def _coincide(a: Member, b: Member) -> bool:
-    """Whether two branch points are one; on another family it is located to fewer digits."""
+    """Whether two branch points are one, which each family locates to few digits."""
     apart = abs(a.parameter - b.parameter) / a.point.units[-2]
     return max(apart, abs(a.orbit.period / b.orbit.period - 1)) < _MET
 
@@ -234,8 +234,8 @@ def _parameter_unit(point: Equilibrium | Member) -> float:
 
 def _shrunk_to(end: Member, point: Equilibrium) -> bool:
     """Whether the orbits of a family have shrunk to a Hopf point."""
-    *each, parameter = _units(point)
-    off = (np.asarray(end.orbit.y0) - point.state) / np.maximum(each, end.point.sizes)
+    *entry_sizes, parameter = _units(point)
+    off = (np.asarray(end.orbit.y0) - point.state) / np.maximum(entry_sizes, end.point.sizes)
     turns = end.orbit.period * point.frequency / (2 * np.pi)
     apart = abs(end.parameter - point.parameter) / parameter
     return max(apart, abs(turns - 1), float(np.linalg.norm(off))) < _NEAR
@@ -253,7 +253,7 @@ class _Orbits:
         self.branches: list[Member] = []
 
     def fail(self, point: Equilibrium | Member, reason: str) -> None:
-        """Note that what begins at a special point was not found."""
+        """Record that the family that begins at a special point was not found."""
         self.failures.append(Failure(point, reason))
         self.report(self.failures[-1])
 
@@ -344,7 +344,7 @@ def load(path: str | Path, make: Make) -> Diagram:
     around = [walk for walk in walks if walk.begin.what == ORBITS]
     depths = [decode(walk.begin.note.get(DOUBLINGS, 0), int, DOUBLINGS, OTHER) for walk in around]
     families = tuple(family_of(walk, make) for walk in around)
-    special = [point for each in (*equilibria, *families) for point in each.special]
+    special = [point for family in (*equilibria, *families) for point in family.special]
     failures = []
     for note in (note for note in notes if FAILURE in note):
         at = [x for x in special if place_of(x).items() <= note.items()]

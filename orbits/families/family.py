@@ -107,8 +107,8 @@ class Family:
     def live(self, path=None):
         """A page on which its orbits run, one of them chosen by a slider or in a picture.
 
-        Each shows its path, period and stability, and a motion that starts a thousandth aside; of
-        more than 150 orbits, 150 are chosen evenly.
+        The page shows the path, period and stability of each, and a motion that starts a thousandth
+        away from it; of more than 150 orbits, 150 are chosen evenly.
 
         Args:
           path: a file to write the page to, .html; it needs no other file.

@@ -5,8 +5,8 @@ the other numbers of the scene, by the extended system
 
     F(x, p, numbers) = 0,    w F_x(x, p, numbers) v = 0,
 
-where v is the direction of the family, F_x v = 0, and w the left kernel vector of F_x that the
-parameter moves, w F_p != 0. Both are held: their changes are of second order in the equation, since
+where v is the direction of the family, F_x v = 0, and w the left kernel vector of F_x with
+w F_p != 0. Both are held fixed: their changes are of second order in the equation, since
 F_x v = 0 and w F_x = 0. The derivatives of F_x v are second derivatives of the motion.
 
 Reference: Doedel, Keller, Kernevez (1991), Int. J. Bifurc. Chaos 1, 493.
@@ -26,8 +26,8 @@ from orbits.families.surface import OrbitSurface
 from orbits.shooting.equations import Equations, units_at
 from orbits.shooting.finding import GOAL
 
-#: A singular value of the closing equations' Jacobian at a fold is zero below this share of the
-#: largest. Its remainder there is the root of the rounding error of the parameter.
+#: A singular value of the closing equations' Jacobian at a fold counts as zero below this share of
+#: the largest. It is not smaller there than the square root of the parameter's rounding error.
 ZERO = 1e-5
 
 
@@ -39,14 +39,14 @@ class FoldDirection(NamedTuple):
       rows: (m,) units of the equations.
       x: (n,) the unknowns at the fold.
       jacobian: (m, n) the Jacobian of the closing equations there, in units.
-      way: (n,) the direction, of unit length in units.
+      direction: (n,) the direction, of unit length in units.
     """
 
     units: np.ndarray
     rows: np.ndarray
     x: np.ndarray
     jacobian: np.ndarray
-    way: np.ndarray
+    direction: np.ndarray
 
 
 def direction_at(posed: Posed, rtol: float) -> FoldDirection:
@@ -89,18 +89,19 @@ def differentiable_fold(posed: Posed, equations: Equations, by_parameter, rtol: 
 
     Args:
       posed: the closing equations of the known orbit.
-      equations: the same equations with the numbers to differentiate by, and with the parameter as
-        the function of them that it is at the fold.
-      by_parameter: (m,) change of the closing error with the parameter.
+      equations: the same equations with the numbers that derivatives are taken for, and with the
+        parameter as the function of them that it is at the fold.
+      by_parameter: (m,) derivative of the closing error with respect to the parameter.
       rtol: tolerance of the integrations.
     """
     here = direction_at(posed, rtol)
     left, values, _ = np.linalg.svd(here.jacobian)
     beyond = left[:, int((values > ZERO * values[0]).sum()) :]
-    # Of the equations that no change of the orbit moves, the others are redundant.
+    # The parameter moves one combination of the equations that no change of the orbit moves; the
+    # other such combinations are redundant.
     moved = beyond @ (beyond.T @ (np.asarray(by_parameter) / here.rows))
     w = moved / np.linalg.norm(moved) / here.rows
-    v = here.units * here.way
+    v = here.units * here.direction
     fixed = jax.lax.stop_gradient(posed.equations)
     slope = np.asarray(_level_slope(fixed, here.x, v, w, rtol)) * here.units
     size = np.linalg.norm(slope)

@@ -3,8 +3,8 @@
 A place is a special point that belongs to several families: a branch point, a period doubling
 (where the orbits of one family are those of the other traced twice), or an equilibrium to which
 orbits shrink. A family reaches a place if one of its own special points is the same orbit, or if it
-ends beside it, as families that `switch_branch` and `from_hopf` begin do: then orbits of it are
-found ever nearer to the place, each at half the distance of the one before.
+ends beside the place, as do the families that `switch_branch` and `from_hopf` begin: then orbits of
+the family are found ever nearer to the place, each at half the distance of the one before.
 """
 
 import dataclasses
@@ -35,18 +35,19 @@ from orbits.shooting.deflation import distance, known_orbits
 from orbits.shooting.equations import Equations, units_of_unknowns
 from orbits.shooting.strategy import GOAL
 
-#: Distance, in units, up to which two special points are one: each is known only to the root of
-#: rounding, and lies between samples.
+#: Distance, in units, up to which two special points are one: each is known only to the square root
+#: of rounding, and lies between samples.
 _SAME = 1e-3
-#: Largest relative distance of a place from the end of a family that begins there, and of periods.
+#: Largest relative distance of a place from the end of a family that begins there, and largest
+#: relative difference of their periods.
 _NEAR = 0.1
-_AHEAD = 0.7  # least cosine of the angle between a family and the way to such a place
+_AHEAD = 0.7  # least cosine of the angle between a family and the direction to such a place
 _HALVINGS = 4
 #: Largest distance between the orbit expected halfway and the one found, as a share of half of the
-#: way: with more, the family has bent.
+#: distance to the place: if it is larger, the family has bent.
 _BENT = 0.5
 _RESTS = (str(Kind.REST), str(Kind.HOPF))
-_SAMPLES = 256  # samples of an orbit, for the phase at which it is nearest to another
+_SAMPLES = 256  # samples of an orbit, to find the phase at which it is nearest to another
 
 
 @renamed(rests="equilibria")
@@ -132,13 +133,13 @@ def graph(families: Sequence[Family] | Diagram) -> Graph:
     """The graph of families that meet at special points.
 
     Args:
-      families: families of one scene, or in one parameter of it; or what `diagram` returned.
+      families: families of one scene, or in one parameter of it; or a result of `diagram`.
     Returns:
       The families with the places at which two or more meet.
     Raises:
       ValueError: there is no family, or they differ in whether they have a parameter.
     Limits: host only. A family joins a place where it has a special point itself or near which it
-      ends; a family that passes a place without a special point is not seen.
+      ends; a family that passes a place without a special point is not detected.
     Example:
       >>> import jaxdyn, orbits
       >>> def make(mu):
@@ -233,7 +234,7 @@ def _same(one: Place, two: Place) -> bool:
     """Whether two special points are the same orbit, at the same parameter."""
     assert one.units is not None
     assert two.units is not None
-    *each, unit = np.maximum(one.units, two.units)
+    *entry_sizes, unit = np.maximum(one.units, two.units)
     if abs(one.parameter - two.parameter) > _SAME * unit:
         return False
     if abs(one.period - two.period) > _SAME * one.period:
@@ -241,7 +242,7 @@ def _same(one: Place, two: Place) -> bool:
     resting = [place.kind in _RESTS for place in (one, two)]
     if any(resting):  # an orbit that has shrunk has no size
         off = np.asarray(one.orbit.y0) - np.asarray(two.orbit.y0)
-        return all(resting) and bool(np.linalg.norm(off / each) <= _SAME)
+        return all(resting) and bool(np.linalg.norm(off / entry_sizes) <= _SAME)
     return _apart(one.orbit, two.orbit) <= _SAME
 
 
@@ -263,7 +264,7 @@ def _leads(family: Family, end: Member, place: Place, times: int) -> bool:
     near = _in_units_of(place, equations, there, end.point)
     units, ahead = near.units, end.tangent / near.units
     # The place must be near the end and ahead of it, up to directions that leave an orbit the same.
-    # Orbits about an equilibrium are as large as they are far from it.
+    # The distance of an orbit from the equilibrium that it surrounds is as large as its own size.
     neutral, reach = surface.neutral(near), 1.0 if place.kind in _RESTS else _NEAR
     off = (there - x) / units
     off = off - neutral @ (neutral.T @ off)
@@ -284,7 +285,7 @@ def _leads(family: Family, end: Member, place: Place, times: int) -> bool:
 def _in_units_of(place: Place, equations: Equations, there: np.ndarray, point: Point) -> Point:
     """A point with units at least as large as at the place `there`, unless that is an equilibrium.
 
-    An entry that is zero on one family and not on another has no size of its own beside the place.
+    An entry that is zero on one family and not on the other has no size of its own near the place.
     """
     if place.kind in _RESTS:
         return point

@@ -21,9 +21,9 @@ _SMALL = 1e-2
 #: Shares of that distance that are tried: orbits may soon cease to be ellipses, as in fast-slow
 #: systems.
 _SHARES = np.array([1.0, 0.3, 0.1, 0.03, 0.01])
-#: Multiples of that distance that are tried where the orbit is so small that its parameter and its
-#: period differ from those of the Hopf point by less than this part of them: rounding would decide
-#: which way the family leads. The entries of an equilibrium may be small without any meaning.
+#: Multiples of that distance that are tried if the parameter and the period of so small an orbit
+#: differ from those of the Hopf point by less than the second number, relatively: rounding would
+#: then decide the direction of the family. The entries of an equilibrium may be small by chance.
 _MULTIPLES, _DIFFERENT = 10.0 ** np.arange(1, 7), 1e-8
 _NO_ORBIT = (
     "No orbit was found at this amplitude, which is in units of the state. Try a smaller one, or "
@@ -46,7 +46,7 @@ def from_hopf(
     frequency; the parameter follows from the closing equations with the start held at a distance.
 
     Args:
-      family: what `jaxdyn.continue_equilibria` returned.
+      family: a result of `jaxdyn.continue_equilibria`.
       point: a Hopf point of ``family.special``.
       amplitude: distance of the start from the equilibrium in the units of the state, along the
         eigenvector in the phase at which its largest entry, in sizes, is at its maximum. By default
@@ -107,7 +107,7 @@ def _orbit_at(
     across = equations.pack(critical, (), angle=0.0, parameter=0.0, period=0.0)
     surface = OrbitSurface(equations, RTOL, GOAL)
     found = surface.nearest(guess, across=across)
-    # Far from the equilibrium all that hardly moves closes, to the sizes that its start has.
+    # Far from the equilibrium a motion that hardly moves closes, relative to the size of its start.
     if found is None or Trouble(equations, guess)(equations, found.x) is not None:
         return None
     return surface.orbit(found), parameter_at(surface, found.x)
@@ -128,8 +128,8 @@ def in_sizes(family: EquilibriumFamily, point: Equilibrium, share: float) -> flo
 
 def _critical(family: EquilibriumFamily, point: Equilibrium) -> np.ndarray:
     """(k,) the direction in which the orbits of a Hopf point begin, of length 1."""
-    each = units_of(family.make, point).each
-    values, vectors = np.linalg.eig(map_in_units(point.jacobian, each))
-    vector = each * vectors[:, np.argmin(np.abs(values - 1j * point.frequency))]
-    found = (vector / vector[largest_entry(vector, each)]).real
+    entry_sizes = units_of(family.make, point).each
+    values, vectors = np.linalg.eig(map_in_units(point.jacobian, entry_sizes))
+    vector = entry_sizes * vectors[:, np.argmin(np.abs(values - 1j * point.frequency))]
+    found = (vector / vector[largest_entry(vector, entry_sizes)]).real
     return found / np.linalg.norm(found)

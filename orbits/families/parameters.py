@@ -28,16 +28,16 @@ def maker(
       values: the numbers that differ from the scene's defaults.
       parameter: name of the number; ``m.0`` is the first entry of a parameter m.
     Raises:
-      ValueError: the scene has no such number, or its rate is not differentiable in it.
+      ValueError: the scene has no such number, or its rate has no derivative with respect to it.
     """
     entry = catalogue.entry(name)
     whole, _, place = parameter.partition(".")
     choice("parameter", whole, entry.parameters)
     value, remedy = {**entry.parameters, **values}[whole], "Its motion must be smooth in it."
     if not isinstance(value, bool | str) and np.ndim(value) == 1:
-        each = [f"{whole}.{i}" for i in range(len(value))]
-        if parameter not in each:
-            raise fail("parameter", f"one of {', '.join(each)}", parameter)
+        names = [f"{whole}.{i}" for i in range(len(value))]
+        if parameter not in names:
+            raise fail("parameter", f"one of {', '.join(names)}", parameter)
         value = np.asarray(value, float).tolist()[int(place)]
     elif place or isinstance(value, bool | str) or not isinstance(value, int | float):
         raise fail("parameter", "one number", f"{parameter} = {value!r}", remedy)

@@ -5,8 +5,8 @@ Newton's method finds the zero of the test function, with the slope from the imp
 theorem. At a fold it is not; there orbit and parameter are functions of a length s along the
 family, and the secant method finds the zero of dp/ds.
 
-No family is followed, so that the scenes are data of programs that are compiled once: a function
-that makes scenes, as families have it, is compiled again for each value that it captures.
+No family is followed, so that the scenes are data of programs that are compiled once: the function
+that makes the scenes of a family would be compiled again for each value that it captures.
 """
 
 from collections.abc import Callable
@@ -36,11 +36,11 @@ from orbits.shooting.finding import find
 from orbits.shooting.outcomes import orbit_at
 from orbits.shooting.segment import Make
 
-_STEPS = 12  # of the search for a zero, and of the corrector
-#: Relative to the way of the parameter: after a shorter step only rounding is left.
+_STEPS = 12  # most steps of the search for a zero, and of the corrector
+#: After a step shorter than this, relative to the parameter and its change, only rounding is left.
 _SETTLED = 1e-8
-#: Lengths along a family at a fold, in units: the first step, and one after which the parameter, a
-#: quadratic function of the length, has settled.
+#: Lengths along a family at a fold, in units: the first step, and a step after which the parameter,
+#: a quadratic function of the length, no longer changes.
 _FIRST, _LEVEL = 1e-3, 1e-7
 _RANK = 1e-9  # relative: smaller singular values belong to symmetries
 
@@ -101,7 +101,7 @@ def _zero_of_test(known: SpecialOrbit, path: Path, p: float, guess) -> SpecialOr
         if not np.isfinite(step):
             break
         settled = abs(step) <= _SETTLED * (abs(p) + abs(p - known.parameter)) or (
-            abs(step) >= before  # it is rounding: Newton's steps become shorter
+            abs(step) >= before  # rounding, since steps of Newton's method become shorter
         )
         guess, p, before = _ahead(here, path, step), p + step, abs(step)
     raise _not_found()
@@ -145,7 +145,7 @@ def _zero_of_slope(known: SpecialOrbit, path: Path, p: float) -> SpecialOrbit:
     a = _at_length(posed, path, along, 0.0, posed.x, p, orbit.rtol)
     s, t = 0.0, _FIRST
     for _ in range(_STEPS):
-        ahead = a.x + (t - s) * along.units * along.way
+        ahead = a.x + (t - s) * along.units * along.direction
         b = _at_length(posed, path, along, t, ahead, a.parameter, orbit.rtol)
         if abs(t - s) <= _LEVEL or a.turning == b.turning:
             equations = placed(posed, path(jnp.asarray(b.parameter)))
@@ -173,10 +173,11 @@ def _at_length(
         system = np.block(
             [
                 [np.asarray(found.jacobian) * units / rows[:, None], column[:, None] * unit],
-                [along.way[None], np.zeros((1, 1))],
+                [along.direction[None], np.zeros((1, 1))],
             ]
         )
-        off = np.append(np.asarray(found.residual) / rows, along.way @ ((x - along.x) / units) - s)
+        ahead_by = along.direction @ ((x - along.x) / units)
+        off = np.append(np.asarray(found.residual) / rows, ahead_by - s)
         if not (np.isfinite(system).all() and np.isfinite(off).all()):
             break
         step = -np.linalg.lstsq(system, off, rcond=_RANK)[0]

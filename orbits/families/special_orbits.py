@@ -5,7 +5,7 @@ implicit function theorem for the orbit, so dp = -g_numbers / g_p dnumbers. At a
 test is det(M + 1), with M the derivative of the return map: the product of all l + 1 over the
 multipliers l. It is simple also where two multipliers of a conservative scene meet at -1, since
 (l + 1) (1 / l + 1) = l + 1 / l + 2 passes 0 with their index. At a branch point it is the same
-product of l - 1, of M on what is orthogonal to the flow and to the gradients of the integrals. At a
+product of l - 1, of M on the complement of the flow and of the gradients of the integrals. At a
 torus point it is |l|^2 - 1, with the critical multiplier l. At a fold, where orbits have no
 derivative with respect to the parameter, it is the part w F of the closing equations F that no
 change of the orbit moves, with w normal to the range of their Jacobian.
@@ -47,7 +47,7 @@ from orbits.orbit import Orbit
 from orbits.shooting.equations import Equations, InUnits
 from orbits.shooting.segment import Make, scene_of
 
-#: A test is zero if its terms cancel to this share of their size.
+#: A test counts as zero if its terms cancel to this share of their size.
 _ZERO = 1e-7
 _KINDS = (Kind.FOLD, Kind.BRANCH, Kind.DOUBLING, Kind.TORUS)
 
@@ -104,7 +104,7 @@ class Place(NamedTuple):
 
 
 def path_of(orbit: Orbit, make: Make | Scene, hold: Hold) -> Callable[[Array], Place]:
-    """The function from the parameter of a family, or from its energy, to the place of an orbit.
+    """The function that maps the parameter of a family, or its energy, to the place of an orbit.
 
     Names of entries in `hold` stand for their values in `orbit`.
     """
@@ -132,7 +132,7 @@ class DifferentiableSpecialOrbit(NamedTuple):
     def orbit(self) -> DifferentiableOrbit:
         """The orbit, with its period, start and multipliers.
 
-        At a fold the multiplier that meets a unit one is NaN.
+        At a fold the critical multiplier is NaN.
         """
         if self.known.kind == Kind.FOLD:
             return self._at_fold()
@@ -173,14 +173,14 @@ def differentiable_special(
 
     Args:
       point: a fold, branch point, period doubling or torus point, of ``family.special``.
-      make: parameter -> scene, as for `continue_family`, with the numbers to differentiate by:
-        those with which the point was found, or traced copies. In a family in energy, the scene
-        itself; the parameter is the energy then.
+      make: parameter -> scene, as for `continue_family`, with the numbers that derivatives are
+        taken for: those with which the point was found, or traced copies. In a family in energy,
+        the scene itself; the parameter is the energy then.
       hold: the conditions of the family, as for `continue_family`.
     Raises:
       ValueError: `point` is of another kind, or not a generic one: the multiplier is not simple, or
         does not change with the parameter; or it is a branch point and the scene has symmetries or
-        integrals besides the flow and those that it names; or the scenes have other numbers than
+        integrals other than the flow and those that it names; or the scenes have other numbers than
         those with which it was found.
     """
     known = SpecialOrbit.of(point)
@@ -198,7 +198,7 @@ def _parameter(known: SpecialOrbit, path: Callable[[Array], Place]) -> Array:
     with jax.ensure_compile_time_eval():
         zero = _zero(known)
     is_special = jnp.abs(fixed.value).max() <= zero
-    # A factor makes the derivatives NaN as well; those of a selected constant would be zero.
+    # A factor NaN makes the derivatives NaN too; to select a constant NaN would make them zero.
     value = value - nan_unless(is_special, step)
     if is_traced(value):
         return value
@@ -220,8 +220,8 @@ class TestValue(NamedTuple):
 
     Attributes:
       value: (r,) the test.
-      slope: (r,) its derivative with respect to the parameter, without derivatives of its own:
-        second ones are not wanted.
+      slope: (r,) its derivative with respect to the parameter, without derivatives of its own,
+        since second derivatives are not needed.
     """
 
     value: Array
@@ -263,18 +263,18 @@ def _doubling(known: SpecialOrbit, path: Callable[[Array], Place]) -> Callable[[
 def _branch(known: SpecialOrbit, path: Callable[[Array], Place]) -> Callable[[Place], Array]:
     del path
     with jax.ensure_compile_time_eval():
-        orbit, each = known.orbit, sizes(known.orbit.scene)
+        orbit, entry_sizes = known.orbit, sizes(known.orbit.scene)
         names = _conserved(known)
-    moves = not is_driven(orbit.scene)
+    autonomous = not is_driven(orbit.scene)
 
     def test(place: Place) -> Array:
         here = differentiable_orbit(place.scene, orbit, place.held)
         scene, y0 = here.scene, here.y0
-        rows = [scene.rate(jnp.zeros(()), y0) / each] if moves else []
+        rows = [scene.rate(jnp.zeros(()), y0) / entry_sizes] if autonomous else []
         if names:
             slopes = jax.jacfwd(lambda y: integrals(scene, jnp.zeros(()), y))(y0)
-            rows += [slopes[name] * each for name in names]
-        m = here.return_map() * each[None] / each[:, None]
+            rows += [slopes[name] * entry_sizes for name in names]
+        m = here.return_map() * entry_sizes[None] / entry_sizes[:, None]
         along = jnp.zeros_like(m)
         if rows:
             a = jnp.stack(rows) / jnp.linalg.norm(jnp.stack(rows), axis=1, keepdims=True)
@@ -290,7 +290,7 @@ def _conserved(known: SpecialOrbit) -> list[str]:
     """The names of the integrals, which must be those that the scene names.
 
     Raises:
-      ValueError: there are other integrals, or symmetries besides the flow.
+      ValueError: there are other integrals, or symmetries other than the flow.
     """
     reasons = [reason for reason in known.stability.reasons if reason != "flow"]
     scene = known.orbit.scene
@@ -306,7 +306,7 @@ def _torus(known: SpecialOrbit, path: Callable[[Array], Place]) -> Callable[[Pla
     del path
     with jax.ensure_compile_time_eval():
         values = known.stability.nontrivial
-    # The one on the unit circle, with its conjugate.
+    # The critical one, on the unit circle; its conjugate is there too.
     which = int(np.argmin(np.where(values.imag > 0, np.abs(np.abs(values) - 1.0), np.inf)))
 
     def test(place: Place) -> Array:
@@ -322,7 +322,7 @@ _TESTS = {Kind.FOLD: _fold, Kind.BRANCH: _branch, Kind.DOUBLING: _doubling, Kind
 
 
 def _zero(known: SpecialOrbit) -> float:
-    """Size up to which the test of a special orbit is zero."""
+    """Largest absolute value of a special orbit's test that counts as zero."""
     if known.kind == Kind.FOLD:
         return _ZERO
     linear = known.stability

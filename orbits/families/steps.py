@@ -13,11 +13,11 @@ from jaxdyn.continuation.branch import Chart, Correction, Place
 from orbits.families.family import Member
 from orbits.families.surface import Point, Surface
 
-#: A step is at most `_GROW` times as long as the one before, and longer only if the family will
-#: bend by no more than the part `_BENT` of it, and multipliers will move no further than `_DRIFT`:
-#: of two special points in one step, each may hide the other.
+#: A step is at most `_GROW` times as long as the one before. It is longer than that one only if the
+#: family is expected to bend by no more than the share `_BENT` of the step, and multipliers to move
+#: no further than `_DRIFT`: two special points in one step may hide each other.
 _GROW, _BENT, _DRIFT = 2.0, 0.05, 0.3
-#: Where a multiplier moves further than this in a step, the step is in doubt.
+#: A step in which a multiplier moves further than this may have left the family.
 _LEAP = 1.0
 #: Parts of a step between two members that are tried, the longest first: near a collision Newton's
 #: method needs short ones.
@@ -26,7 +26,7 @@ _PARTS = (1.0, 0.5, 0.25, 0.125)
 _UNHOLDABLE = 1e12
 _NUDGE = 1e-6  # length along a tangent, for a difference quotient
 _FLAT = 1e-9  # a period or parameter that changes less is constant
-_STILL_FLAT = 1e-5  # the same where it was: near a branch point rounding of directions grows
+_STILL_FLAT = 1e-5  # the same if it was constant: near a branch point rounding of directions grows
 
 
 def first_member(surface: Surface, point: Point, sign: float) -> Member:
@@ -35,18 +35,18 @@ def first_member(surface: Surface, point: Point, sign: float) -> Member:
     Raises:
       ValueError: the point belongs to no family.
     """
-    ways = surface.directions(point)
-    if not ways.shape[1]:
+    basis = surface.directions(point)
+    if not basis.shape[1]:
         remedy = "Follow it over a number of the scene, parameter=, or give fewer conditions."
         raise fail("orbit", "a member of a family", "an isolated one", remedy)
-    # Of several directions, take that of the largest change of the parameter, or the period.
-    entry = ways[-1] if surface.equations.make is None else ways[-2]
-    tangent = ways @ entry if np.linalg.norm(entry) > _FLAT else ways[:, -1]
+    # Of several directions, take the one along which the parameter, or the period, changes most.
+    entry = basis[-1] if surface.equations.make is None else basis[-2]
+    tangent = basis @ entry if np.linalg.norm(entry) > _FLAT else basis[:, -1]
     tangent = sign * tangent / np.linalg.norm(tangent)
     nothing = np.zeros((len(tangent), 0))
     member = member_at(surface, point, tangent, nothing)
-    alike = _fixed_parameter_directions(surface, ways)
-    # A family within one scene needs an integral. Each one that the scene names accounts for one.
+    alike = _fixed_parameter_directions(surface, basis)
+    # A direction within one scene needs an integral. Those that the scene names account for some.
     unnamed = alike.shape[1] - (member.stability.integrals - member.stability.unnamed)
     if not member.stability.ok or unnamed <= 0:
         return member
@@ -106,8 +106,8 @@ class OrbitChart(Chart[Member]):
         old = _orthonormal(last.alike / point.units[:, None])
         alike = old
         if alike.shape[1]:
-            ways = self.surface.directions(point)
-            alike = _nearest(_fixed_parameter_directions(self.surface, ways, _STILL_FLAT), old)
+            basis = self.surface.directions(point)
+            alike = _nearest(_fixed_parameter_directions(self.surface, basis, _STILL_FLAT), old)
         if alike.shape[1] < last.alike.shape[1]:
             return "an integral of the family is lost"
         new = member_at(self.surface, point, tangent * self.units / point.units, alike)
@@ -122,11 +122,11 @@ class OrbitChart(Chart[Member]):
         return drift(last, new) > _LEAP
 
     def between(self, a: Member, b: Member, share: float) -> Member | None:
-        # Where Newton's method fails, a shorter step may succeed, or one from the other end.
-        tried = (
-            way for part in _PARTS for way in ((a, b, part * share), (b, a, part * (1 - share)))
+        # If Newton's method fails, a shorter step may succeed, or one from the other end.
+        attempts = (
+            one for part in _PARTS for one in ((a, b, part * share), (b, a, part * (1 - share)))
         )
-        return next((found for way in tried if (found := self._towards(*way))), None)
+        return next((found for one in attempts if (found := self._towards(*one))), None)
 
     def _towards(self, a: Member, b: Member, share: float) -> Member | None:
         length = share * a.point.along(a.tangent, b.point.x)
@@ -147,9 +147,8 @@ class OrbitChart(Chart[Member]):
 def drift(a: Member, b: Member) -> float:
     """The farthest that a multiplier moves between two members; infinite if that is unknown.
 
-    It is measured on the Riemann sphere, since multipliers near zero and infinity may change
-    without effect. Multipliers are paired so that they move least, since they may exchange their
-    order of size.
+    It is measured on the Riemann sphere, since changes of multipliers near zero and infinity have
+    no effect. Multipliers are paired so that they move least, since their order by size may change.
     """
     one, two = (member.stability.nontrivial for member in (a, b))
     if len(one) != len(two):
@@ -162,7 +161,7 @@ def drift(a: Member, b: Member) -> float:
 
 
 def in_segments(surface: Surface, member: Member) -> Member:
-    """The member in segments that suit it: it is cut again where errors grow much over one."""
+    """The member in segments that suit it: it is cut again if errors grow strongly over one."""
     old, new = member.point, surface.recut(member.point)
     if new is None:
         return member
@@ -171,15 +170,17 @@ def in_segments(surface: Surface, member: Member) -> Member:
     if point is None:
         return member
 
-    def directions(old_ways: np.ndarray) -> np.ndarray:
-        ahead = (old.x + _NUDGE * way for way in old_ways.T)
+    def directions(old_basis: np.ndarray) -> np.ndarray:
+        ahead = (old.x + _NUDGE * way for way in old_basis.T)
         moved = [old.equations.move_to(x, new.equations, surface.rtol) - known for x in ahead]
         return np.reshape(moved, (len(moved), known.size)).T / point.units[:, None] / _NUDGE
 
-    ways = new.directions(point)
+    basis = new.directions(point)
     along = directions(member.tangent[:, None])
-    tangent = _nearest(ways, along / np.linalg.norm(along))
-    alike = _nearest(_fixed_parameter_directions(new, ways), _orthonormal(directions(member.alike)))
+    tangent = _nearest(basis, along / np.linalg.norm(along))
+    alike = _nearest(
+        _fixed_parameter_directions(new, basis), _orthonormal(directions(member.alike))
+    )
     if not tangent.shape[1] or alike.shape[1] < member.alike.shape[1]:
         return member
     tangent, alike = point.units * tangent[:, 0], point.units[:, None] * alike
@@ -214,33 +215,33 @@ def member_at(surface: Surface, point: Point, tangent: np.ndarray, alike: np.nda
 
 
 def _fixed_parameter_directions(
-    surface: Surface, ways: np.ndarray, flat: float = _FLAT
+    surface: Surface, basis: np.ndarray, flat: float = _FLAT
 ) -> np.ndarray:
     """(n, d) orthonormal: the directions along which the parameter is constant."""
-    if surface.equations.make is None or not ways.shape[1]:
-        return ways
-    change = ways[-2]
+    if surface.equations.make is None or not basis.shape[1]:
+        return basis
+    change = basis[-2]
     if np.linalg.norm(change) <= flat:
-        return ways
+        return basis
     _, _, vt = np.linalg.svd(change[None])
-    return ways @ vt[1:].T
+    return basis @ vt[1:].T
 
 
-def _align(ways: np.ndarray, tangent: np.ndarray) -> np.ndarray:
+def _align(basis: np.ndarray, tangent: np.ndarray) -> np.ndarray:
     """The same space, with the direction nearest to the tangent first."""
-    _, _, vt = np.linalg.svd((ways.T @ tangent)[None])
-    return ways @ vt.T
+    _, _, vt = np.linalg.svd((basis.T @ tangent)[None])
+    return basis @ vt.T
 
 
-def _orthonormal(ways: np.ndarray) -> np.ndarray:
-    return np.linalg.qr(ways)[0]
+def _orthonormal(basis: np.ndarray) -> np.ndarray:
+    return np.linalg.qr(basis)[0]
 
 
-def _nearest(ways: np.ndarray, old: np.ndarray) -> np.ndarray:
+def _nearest(basis: np.ndarray, old: np.ndarray) -> np.ndarray:
     """(n, p) orthonormal: the part of the span of directions (n, d) nearest to the old (n, p).
 
     At a branch point that span has one more dimension than the old one.
     """
-    u, s, vt = np.linalg.svd(ways @ (ways.T @ old), full_matrices=False)
+    u, s, vt = np.linalg.svd(basis @ (basis.T @ old), full_matrices=False)
     kept = s > 0.5
     return u[:, kept] @ vt[kept] if kept.all() else u[:, kept]

@@ -1,7 +1,7 @@
 """The surface of solutions of an orbit's closing equations: its directions, and steps on it.
 
-Near a regular orbit the surface has one direction along the family, and one for each way to move
-the orbit without changing it: in time, and by each symmetry of the scene.
+Near a regular orbit the surface has one direction along the family, and further ones that leave the
+orbit the same: one for a shift in time, and one for each symmetry of the scene.
 """
 
 import abc
@@ -35,15 +35,15 @@ from orbits.shooting.segment import MAX_STEPS, UNTIMED, Limits
 from orbits.shooting.segmentation import recut
 
 _CORRECTIONS = 8  # most Newton steps of the corrector; more mean that the step was too long
-#: Singular values below this share of the largest belong to directions of the surface. Those of
-#: starts in a close passage are large, so that others are small beside them.
+#: Singular values below this share of the largest belong to directions of the surface. For starts
+#: in a close passage the largest is so large that other regular ones are small beside it.
 _KERNEL = 1e-9
 _NEUTRAL = 1e-6  # relative change of the closing equations up to which a direction is a symmetry
-#: Most decimal digits that may be lost over a period for one run to give the multipliers.
+#: Largest number of decimal digits lost over a period at which one run gives the multipliers.
 _FEW_DIGITS = 4.0
 _AT_REST = 1e-9  # radius, in sizes, of an orbit that is an equilibrium to rounding
-#: A step of a family ends an integration that takes this many times the steps of the last member's
-#: whole period: it has left the family, as a predicted orbit that meets a body.
+#: The corrector ends an integration that takes this many times the steps of the last member's whole
+#: period: the predicted orbit has left the family, for instance because it meets a body.
 _MOST_STEPS = 10
 _BRANCH = 1e-3  # relative: one more singular value is below this at a branch point
 
@@ -170,7 +170,7 @@ class Surface(abc.ABC):
         """(m, n) the Jacobian at a point, in units."""
 
     @abc.abstractmethod
-    def _neutral(self, x, jacobian, in_units: np.ndarray, each: np.ndarray) -> np.ndarray:
+    def _neutral(self, x, jacobian, in_units: np.ndarray, entry_sizes: np.ndarray) -> np.ndarray:
         """(n, r) orthonormal in units: directions on the surface that leave the orbit the same."""
 
     def at(self, point: Point) -> "Surface":
@@ -215,7 +215,7 @@ class Surface(abc.ABC):
     def nearest(
         self, x: np.ndarray, across: np.ndarray | None = None, *, near: Point | None = None
     ) -> Point | None:
-        """The solution nearest to x; with `across` (n,), among those with x's component along it.
+        """The solution nearest to x; with `across` (n,), one with the same component along it.
 
         Lengths are in the units at x, or in those at a point `near` it, whose sizes are then lower
         bounds.
@@ -298,10 +298,10 @@ class Surface(abc.ABC):
         return UnknownSizes(point.sizes, parameter)
 
     def bordered_determinant(self, point: Point, along: np.ndarray) -> float:
-        """The determinant of the equations with the known directions, 0 at a crossing.
+        """The determinant of the equations bordered by the known directions, 0 at a crossing.
 
-        NaN if there are more equations than directions that remain, as where an integral of the
-        scene makes some of them redundant.
+        NaN if the bordered matrix is not square, as where an integral of the scene makes some of
+        the equations redundant.
 
         Args:
           point: a point of the surface.
@@ -322,8 +322,8 @@ class Surface(abc.ABC):
         Args:
           x: (n,) the branch point.
           along: (n,) the direction of the known branch.
-          sizes: (k,) lower bounds of the sizes: an entry that only the bent branch of a pitchfork
-            has is rounding at the point.
+          sizes: (k,) lower bounds of the sizes: an entry that differs from 0 only on the bent
+            branch of a pitchfork is rounding at the point.
         """
         gap, direction = self.crossing(x, along, sizes)
         return direction if gap < _BRANCH else None
@@ -333,8 +333,9 @@ class Surface(abc.ABC):
     ) -> tuple[float, np.ndarray]:
         """Distance of x from a crossing of families, and (n,) the direction of the other family.
 
-        The arguments are those of `other_direction`. The distance is that of the equations from
-        having such a direction, relative to their size; NaN where they have no derivative.
+        The arguments are those of `other_direction`. The distance is the smallest singular value of
+        the linearised equations with the known directions, relative to the largest one; NaN where
+        they have no derivative.
         """
         closed = self._closing_in_units(x, self._unknown_sizes(x, sizes))
         (_, jacobian), units = closed(x), closed.units.x
@@ -442,15 +443,15 @@ class OrbitSurface(Surface):
         known = self.unknown_sizes(point)
         return units_at(self.equations, point.x, point.jacobian, known).jacobian(point.jacobian)
 
-    def _neutral(self, x, jacobian, in_units: np.ndarray, each: np.ndarray) -> np.ndarray:
+    def _neutral(self, x, jacobian, in_units: np.ndarray, entry_sizes: np.ndarray) -> np.ndarray:
         equations, unknowns = self.equations, self.equations.unpack(x)
         scene = equations.scene_at(unknowns.parameter)
         scene = scene.starting(equations.start_at(x), unknowns.period)
         columns = []
         if self._symmetries is None:
             # They are looked for once: a family has those of its first member, and a symmetry that
-            # it loses on the way is not a direction of the surface there.
-            self._symmetries = tuple(trivial.symmetries(scene, each))
+            # it loses later is no direction of the surface there.
+            self._symmetries = tuple(trivial.symmetries(scene, entry_sizes))
         for name in self._symmetries:
             states = [scene.y0, *jnp.asarray(unknowns.between)]
             first, *between = (np.asarray(_field(scene, y, name=name)) for y in states)
@@ -460,10 +461,10 @@ class OrbitSurface(Surface):
 
 
 def kept_directions(jacobian: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
-    """(n, r) orthonormal basis of those directions (n,), in units, that keep the equations.
+    """(n, r) orthonormal basis of those directions (n,), in units, along which the equations hold.
 
-    Independent directions have the basis nearest to them, their polar factor, which is continuous
-    along a family: it does not change its orientation, as that of a decomposition may.
+    For independent directions it is the basis nearest to them, their polar factor. That is
+    continuous along a family, while singular vectors may change their orientation.
     """
     kept = [np.zeros((jacobian.shape[1], 0))]
     for column in columns:

@@ -11,7 +11,7 @@ To add such a motion, write a function that makes the `Leg`s of a `HybridOrbit` 
 
 import jaxdyn
 
-#: Moved in version 0.3.
+#: The module that moved in version 0.3.
 __getattr__ = jaxdyn._doors.attribute_getter(
     __name__, modules={"hopping": "jaxdyn.course.eccentric_cylinder"}
 )

@@ -1,12 +1,13 @@
 """The equations of a chain of legs and their Jacobian, as functions of one vector x of unknowns.
 
 The unknowns are the start of the first leg, the duration of each leg, and the parameter of a
-family. The equations are the ends of each leg, its further conditions, and the closing of the
-chain. Times are unknowns, not found by a search for events: a landing without relative velocity
+family. The equations are the event that ends each leg, its further conditions, and the closing of
+the chain. Times are unknowns, not found by a search for events: a landing without relative velocity
 grazes the ground, where the time of an event has no derivative, while these equations are regular.
-The price is that a solution may pass an end before its time; the bounds of a leg exclude that.
+The price is that a solution may pass the end of a leg before its time; the bounds of a leg exclude
+that.
 
-In units all are numbers of order 1: a state is in units of the sizes of its entries along the
+In units all of them are of order 1: a state is in units of the sizes of its entries along the
 chain, a time in units of its guess, and an equation in units of its change when the states change
 by their sizes.
 """
@@ -53,7 +54,7 @@ class LinearizedChain(NamedTuple):
     """The equations at given unknowns.
 
     Attributes:
-      value: (m,) left-hand sides.
+      value: (m,) left-hand sides, zero at a solution.
       jacobian: (m, u) derivatives with respect to the unknowns.
       starts: the start of each leg, and that of the leg after the last.
       ends: the end of each leg.
@@ -127,21 +128,21 @@ class ChainEquations(NamedTuple):
         rtol = np.asarray(rtol, float)  # a Python number would be compiled in
         for i in range(n):
             passed = self._pass_leg(i, starts[-1], unknowns, rtol)
-            (y, left, end), slopes = jax.tree.map(np.asarray, passed)
+            (y, errors, end), slopes = jax.tree.map(np.asarray, passed)
             by_start, by_span, *by_parameter = slopes
             along, row = (
                 by_start[j] @ along
                 + np.outer(by_span[j], spans[i])
-                + sum(np.outer(each[j], columns[-2]) for each in by_parameter)
+                + sum(np.outer(slope[j], columns[-2]) for slope in by_parameter)
                 for j in (0, 1)
             )
             starts.append(y)
             ends.append(end)
-            values.append(left)
+            values.append(errors)
             rows.append(row)
-        left, slopes = jax.tree.map(np.asarray, closing_error(self.closes, starts[-1], start))
+        errors, slopes = jax.tree.map(np.asarray, closing_error(self.closes, starts[-1], start))
         jacobian = np.concatenate([*rows, slopes[0] @ along + slopes[1] @ first])
-        return LinearizedChain(np.concatenate([*values, left]), jacobian, starts, ends)
+        return LinearizedChain(np.concatenate([*values, errors]), jacobian, starts, ends)
 
     def _pass_leg(self, i: int, y: np.ndarray, unknowns: Unknowns, rtol: np.ndarray):
         span = unknowns.spans[i]
@@ -153,35 +154,35 @@ class ChainEquations(NamedTuple):
     def sizes(self, first: LinearizedChain, spans: np.ndarray, parameter=0.0) -> list[np.ndarray]:
         """(k,) sizes of the entries of each leg's state, the largest of legs with equal labels."""
         legs = self.legs_at(parameter)
-        each = [
+        own_sizes = [
             sizes(leg.scene.starting(y, t))
             for leg, y, t in zip(legs, first.starts[:-1], spans, strict=True)
         ]
         labels = [leg.scene.labels() for leg in legs]
         return [
-            np.max([z for z, other in zip(each, labels, strict=True) if other == own], axis=0)
+            np.max([z for z, other in zip(own_sizes, labels, strict=True) if other == own], axis=0)
             for own in labels
         ]
 
     def residual_units(
-        self, first: LinearizedChain, spans: np.ndarray, each, parameter=0.0
+        self, first: LinearizedChain, spans: np.ndarray, leg_sizes, parameter=0.0
     ) -> np.ndarray:
         """(m,) the change of each equation when the states change by their sizes."""
         found = [
             np.asarray(_change(leg, end, t, size))
             for leg, end, t, size in zip(
-                self.legs_at(parameter), first.ends, spans, each, strict=True
+                self.legs_at(parameter), first.ends, spans, leg_sizes, strict=True
             )
         ]
         both = closing_error(self.closes, first.starts[-1], first.starts[0])[1]
-        found.append(sum(np.abs(np.asarray(slope)) @ each[0] for slope in both))
+        found.append(sum(np.abs(np.asarray(slope)) @ leg_sizes[0] for slope in both))
         rows = np.concatenate(found)
         return np.where(rows > 0, rows, 1.0)
 
     def orbit(
         self, x: np.ndarray, *, residual: float, outcome: Outcome, iterations: int, rtol: float
     ) -> HybridOrbit:
-        """The chain at a point x of the unknowns; FOUND only if it keeps the bounds of its legs."""
+        """The chain at unknowns x; FOUND only if it satisfies the bounds of its legs."""
         unknowns = self.unpack(x)
         starts = self.linearize(x, rtol).starts[:-1]
         placed = tuple(
@@ -221,24 +222,24 @@ class ChainEquations(NamedTuple):
         periods: if the closing is the difference of two states, the sum is that of the last state
         from the start.
         """
-        y, closing, left = np.asarray(start), 0.0, []
+        y, closing, errors = np.asarray(start), 0.0, []
         for _ in range(periods):
-            first, left = y, []
+            first, errors = y, []
             for leg, span, solver in zip(self.legs, spans, solvers, strict=True):
                 y, miss = _end(leg, y, np.asarray(span), np.asarray(rtol, float), solver=solver)
-                left.append(np.asarray(miss))
+                errors.append(np.asarray(miss))
             closing = closing + np.asarray(closing_error(self.closes, y, first)[0])
-        return np.concatenate([*left, closing])
+        return np.concatenate([*errors, closing])
 
 
 @eqx.filter_jit
-def _change(leg: Leg, end: Array, span, each: Array) -> Array:
+def _change(leg: Leg, end: Array, span, entry_sizes: Array) -> Array:
     """(e,) the part of `ChainEquations.residual_units` that belongs to the ends of a leg."""
 
-    def left(end):
+    def errors(end):
         return _ends(leg, span, end)
 
-    return jnp.abs(jax.jacfwd(left)(end)) @ each
+    return jnp.abs(jax.jacfwd(errors)(end)) @ entry_sizes
 
 
 @eqx.filter_jit
@@ -270,8 +271,8 @@ def residuals(legs: Sequence[Leg], closes, start: Array, spans: Array, rtol) -> 
     first = y = legs[0].scene.system.project(jnp.zeros(()), start)
     found = []
     for i, leg in enumerate(legs):
-        (y, left), _ = _passage(leg, y, spans[i], rtol)
-        found.append(left)
+        (y, errors), _ = _passage(leg, y, spans[i], rtol)
+        found.append(errors)
     return jnp.concatenate([*found, closes(y, first)])
 
 
@@ -303,12 +304,13 @@ def closing_error(closes, end: Array, start: Array):
     return value_and_jacfwd(closes, (0, 1))(end, start)
 
 
-def closing_in_sizes(closes, end, start, each: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def closing_in_sizes(closes, end, start, entry_sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(m, k) derivatives of the closing error with respect to both states, in sizes (k,).
 
     Each equation is divided by the norm of its derivative with respect to the start.
     """
-    by_end, by_start = (np.asarray(x) * each for x in closing_error(closes, end, start)[1])
+    both = closing_error(closes, end, start)[1]
+    by_end, by_start = (np.asarray(slope) * entry_sizes for slope in both)
     rows = np.linalg.norm(by_start, axis=1, keepdims=True)
     rows = np.where(rows > 0, rows, 1.0)
     return by_end / rows, by_start / rows

@@ -22,7 +22,7 @@ from jaxdyn.integrate.phase import keep_state
 from jaxdyn.integrate.phases import HybridTrajectory
 from orbits.orbit import Outcome
 
-_LOOKS = 400  # samples of a leg
+_SAMPLES = 400  # samples of a leg at which its bounds are checked
 _PASSED = 1e-9  # a bound this far below 0, relative to its largest value on a leg, is violated
 
 
@@ -131,7 +131,7 @@ class HybridOrbit:
 
     @property
     def ok(self) -> bool:
-        """Whether the chain closes and keeps its bounds."""
+        """Whether the chain closes and satisfies its bounds."""
         return self.outcome == Outcome.FOUND
 
     @property
@@ -175,8 +175,8 @@ class HybridOrbit:
     def smallest(self, leg: int, event: Event) -> float:
         """The smallest value of a function at 400 times of a leg.
 
-        The function may be a height in flight, say, or a normal force in contact: if its value is
-        below zero by more than rounding, the chain closes but is not physically realisable.
+        The function may be, say, a height in flight or a normal force in contact: if its value is
+        negative by more than rounding, the chain closes but is physically impossible.
         """
         return float(self._values(leg, event).min())
 
@@ -197,7 +197,7 @@ class HybridOrbit:
 
     def _values(self, leg: int, event: Event) -> np.ndarray:
         scene = self.legs[leg].scene
-        motion = simulate(scene, samples=_LOOKS, rtol=self.rtol)
+        motion = simulate(scene, samples=_SAMPLES, rtol=self.rtol)
         return np.asarray(_along(event, motion.ts, motion.ys))
 
 

@@ -1,8 +1,8 @@
 """Legs from phases: the chain of legs along a path through the phases of a scene.
 
-A phase (`jaxdyn.integrate.phase`) has all of its exits, a leg only the one by which it ends. The
-exits of a phase that have a direction become bounds of the leg, so that a chain that passes one of
-them on its way is not taken for a motion.
+A phase (`jaxdyn.integrate.phase`) has several exits, a leg only the one by which it ends. All exits
+of the phase that have a direction become bounds of the leg, so that a chain that passes one of them
+on the way is not taken for a motion.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,13 +19,13 @@ from orbits.hybrid.legs import Leg, Path
 
 #: Number of the scenes' spans within which a guess is followed to its events.
 _SPANS = 100.0
-_LOOK = 30  # events of a guess within which its first phase is looked for
+_EVENTS_MOST = 30  # number of events within which the motion has to return to its first phase
 
 Phases = Mapping[str, Phase]
 
 
 class Inside(Event):
-    """How far a state is on the near side of an exit; this is not negative within the phase.
+    """How far a state is from an exit, on the side where this is positive within the phase.
 
     Attributes:
       event: the event of the exit.
@@ -55,19 +55,19 @@ def legs_of(given: Sequence[Leg] | Phases, path: Path) -> tuple[Leg, ...]:
             raise fail(f"phase {name}", "a Phase", got, "Write Phase(scene, exits).")
         if not 0 <= number < len(phase.exits):
             raise fail(f"phase {name}", f"an exit of number {number}", f"{len(phase.exits)} exits")
-        way = phase.exits[number]
-        if way.lasts is not no_time:
+        last = phase.exits[number]
+        if last.lasts is not no_time:
             remedy = "Write what lasts as a leg of its own."
             wanted = "a change that takes no time"
             raise fail(f"exit {number} of {name}", wanted, "one that lasts", remedy)
         bounds = tuple(Inside(other.event, other.side) for other in phase.exits if other.side)
-        legs.append(Leg(phase.scene, (way.event,), way.change, bounds))
+        legs.append(Leg(phase.scene, (last.event,), last.change, bounds))
     return tuple(legs)
 
 
-def _count(phases: Phases, y0, span: float, first: str) -> str:
-    """What to do where the number of events does not lead back to the first phase."""
-    path = simulate_phases(phases, None, y0, span, samples=2, max_phases=_LOOK).path
+def _suggest_count(phases: Phases, y0, span: float, first: str) -> str:
+    """Advice for a number of events that does not lead back to the first phase."""
+    path = simulate_phases(phases, None, y0, span, samples=2, max_phases=_EVENTS_MOST).path
     for n, (name, number) in enumerate(path, 1):
         if first in phases[name].exits[number].names:
             return f"Such as {n}."
@@ -94,6 +94,6 @@ def follow(phases: Phases, y0, events: int) -> tuple[Path, np.ndarray]:
     name, number = path[-1]
     if names[0] not in phases[name].exits[number].names:
         got = f"{events}, after which it is in {phases[name].exits[number].to}"
-        remedy = _count(phases, y0, span, names[0])
+        remedy = _suggest_count(phases, y0, span, names[0])
         raise fail("events", f"a number after which the motion is in {names[0]} again", got, remedy)
     return path, np.diff([float(motion.pieces[0].ts[0]), *motion.times])

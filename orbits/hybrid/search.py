@@ -72,12 +72,12 @@ class Squares:
         for y in starts:
             off = np.asarray(self._system.difference(start, y)) / self._sizes
             for times in _TIMES:
-                late = spans.sum() / (times * period) - 1.0
-                by_span = np.full(len(spans), 2 * late / (times * period))
+                longer = spans.sum() / (times * period) - 1.0
+                by_span = np.full(len(spans), 2 * longer / (times * period))
                 slope = self._chain.pack(2 * off / self._sizes, by_span)
-                found.append((float(off @ off) + late**2, slope))
+                found.append((float(off @ off) + longer**2, slope))
         square, slope = min(found, key=lambda one: one[0])
-        # The gradient is zero on the chain, where its direction is unknown and steps are zero.
+        # On the chain the gradient is zero: it has no direction there, and steps are zero anyway.
         return max(square, np.finfo(float).tiny), slope
 
 
@@ -122,7 +122,8 @@ def find_hybrid(
       y0: (k,) guess of the start of the first leg.
       spans: (n,) guess of the duration of each leg; with phases, by default those of the motion
         from `y0`.
-      events: with phases, the number of them in a period: the motion from `y0` is followed so far.
+      events: with phases, the number of them in a period, over which the motion from `y0` is
+        followed.
       closes: (end, start) -> closing error, a module or a named function; by default the
         difference of the states. One that leaves out a position finds motions that advance.
       strategy: ``orbits.Shooting()``, or ``orbits.Deflated(known)`` for a chain unlike known ones
@@ -132,7 +133,7 @@ def find_hybrid(
         their sizes.
       rtol: tolerance of the integrations.
       max_iterations: largest number of Newton steps.
-      seconds: time after which the search ends, as for `find`.
+      seconds: time limit of the search, as for `find`.
       report: called with an `Iteration` after each step; its period is the last leg's span.
       throw: raise if none was found.
       unlike: deprecated; use ``strategy=orbits.Deflated(known)``.
@@ -193,7 +194,7 @@ def find_hybrid(
 
 
 def _deflated_chains(strategy: Shooting | Deflated, unlike: Sequence[HybridOrbit]) -> Sequence[Any]:
-    """The chains that are deflated."""
+    """The known chains that the strategy deflates."""
     if unlike:
         message = (
             "unlike of orbits.find_hybrid is now strategy=orbits.Deflated(known); the old argument "
@@ -218,9 +219,9 @@ def _solve(
     """The chain near a start (k,) and spans (n,) by Newton's method, or the best iterate."""
     x = chain.pack(start, times)
     first = chain.linearize(x, effort.rtol)
-    each = chain.sizes(first, times)
-    units = chain.pack(each[0], times)
-    rows = chain.residual_units(first, times, each)
+    leg_sizes = chain.sizes(first, times)
+    units = chain.pack(leg_sizes[0], times)
+    rows = chain.residual_units(first, times, leg_sizes)
 
     def evaluated(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         found = chain.linearize(x, effort.rtol)
@@ -231,7 +232,7 @@ def _solve(
     squares = None
     if known:
         effort.begin("Newton's method with the known chains deflated")
-        squares = Squares(chain, known, each[0])
+        squares = Squares(chain, known, leg_sizes[0])
         x = (
             DeflatedNewton(evaluated, units, squares, units, bounds, lambda x: False, effort)
             .solve(x)
@@ -289,7 +290,7 @@ def _check_timeless(name: str, part: Any, k: int) -> None:
 
 
 def check_legs(legs: tuple[Leg, ...]) -> None:
-    """Raise ValueError for what is not a chain of legs, or depends on time."""
+    """Raise ValueError for legs that do not form a chain, or that depend on time."""
     if not legs:
         raise fail("legs", "at least one", "none", "A chain has legs.")
     for i, leg in enumerate(legs):

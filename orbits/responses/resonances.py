@@ -125,7 +125,10 @@ def _turns(member: Member) -> np.ndarray:
 
 @jax.jit
 def _momenta(scene: Scene, y: Array) -> Array:
-    """(n, k) derivative of the momenta by the state; canonical, or derived from the energy."""
+    """(n, k) derivative of the momenta with respect to the state.
+
+    The momenta are canonical, else derivatives of the energy by the velocities, else velocities.
+    """
     t = jnp.zeros(())
 
     def momenta(y: Array) -> Array:
@@ -140,7 +143,7 @@ def _momenta(scene: Scene, y: Array) -> Array:
 
 
 def _nearest(known: np.ndarray, turns: np.ndarray) -> np.ndarray:
-    """(m,) ratios with these turns up to integers, each near a known one."""
+    """(m,) ratios that equal these turns up to integers, each near a known ratio."""
     found = known.copy()
     whole = np.round(known[:, None] - turns)
     near = whole + turns
@@ -170,12 +173,12 @@ def _locate(family: Family, a: Member, b: Member, ratio: Fraction, sign: float) 
     turned = np.exp(2j * np.pi * float(ratio))
 
     def product(surface: Surface, member: Member) -> float:
-        """Changes sign where a pair leaves the unit circle, at 1 or -1."""
+        """A number that changes sign where a pair leaves the unit circle at 1 or -1."""
         del surface
         return float(np.prod(member.stability.nontrivial - turned.real).real)
 
-    def behind(surface: Surface, member: Member) -> float:
-        """Changes sign where a pair passes the angle on the circle; the product does not at +-1."""
+    def lag(surface: Surface, member: Member) -> float:
+        """A number that changes sign where a pair passes the angle on the circle, even at +-1."""
         del surface
         off = sign * _turns(member) - float(ratio)
         off = off - np.round(off)
@@ -184,5 +187,5 @@ def _locate(family: Family, a: Member, b: Member, ratio: Fraction, sign: float) 
     locked = any((np.abs(x.stability.nontrivial.imag) <= _REAL).any() for x in (a, b))
     surface = OrbitSurface(family.equations, a.orbit.rtol, GOAL)
     return zero_between(
-        surface.at(a.point), a, b, product if locked and ratio.denominator <= 2 else behind
+        surface.at(a.point), a, b, product if locked and ratio.denominator <= 2 else lag
     )

@@ -45,7 +45,7 @@ _PARTS = (0.03, 0.1, 0.3, 0.6, 1.0)  # fractions of a level at which responses a
 _ABOVE, _LEVELS = 5.0, 200  # highest level, and most members, of a family over the level
 _ROUNDING = 1e-9  # relative distance below which two values of the parameter are the same
 _SAME = 1e-6  # starts that differ less, relative to the sizes, belong to the same response
-# Of a peak, relative to a step along the curve: within the curve, and at its end.
+# Tolerances of the place of a peak, in steps along the curve: within the curve, and at its end.
 _PEAK = {"xtol": 1e-6, "maxiter": 40}
 _PEAK_AT_END = {"xatol": 1e-6, "maxiter": 40}
 _NO_FIRST = (
@@ -125,7 +125,7 @@ class FrequencyResponse:
         return tuple(_peak(curve, output or self.output)[1] for curve in self.curves)
 
     def with_extremes(self, output: Output | None = None) -> "FrequencyResponse":
-        """The same result with the extremes of the curves, as antiresonances, as further members.
+        """The same result with the extremes of the curves, such as antiresonances, among members.
 
         Args:
           output: see `table`.
@@ -180,14 +180,14 @@ class FrequencyResponse:
         return Labelled({}, named)
 
 
-#: Part of an amplitude by which those beside it must differ for it to be looked at as an extreme.
+#: An amplitude counts as an extreme if it differs from its neighbours by this share of itself.
 _STANDS_OUT = 1e-2
 
 
 def _peak(curve: Family, output: Output) -> tuple[int, Member]:
     """The response of a curve with the largest amplitude, and the number of members before it.
 
-    An output without a value is no peak.
+    A response whose output is NaN is no peak.
     """
     heights = _heights(curve, output)
     if not np.isfinite(heights).any():
@@ -196,7 +196,7 @@ def _peak(curve: Family, output: Output) -> tuple[int, Member]:
 
 
 def _extremes(curve: Family, output: Output) -> list[tuple[int, Member]]:
-    """The peak of a curve and its other largest and smallest amplitudes, in order; see `_peak`."""
+    """The peak of a curve and its other extreme amplitudes, in order, each as from `_peak`."""
     heights = _heights(curve, output)
     found = [_peak(curve, output)]
     for sign in (1.0, -1.0):
@@ -213,7 +213,10 @@ def _heights(curve: Family, output: Output) -> np.ndarray:
 
 
 def _extreme(curve: Family, output: Output, top: int, sign: float) -> tuple[int, Member]:
-    """The response near a member with the largest amplitude, times a sign, and its place."""
+    """The response near a member whose amplitude times a sign is largest.
+
+    The first item is the number of members before it.
+    """
     members = curve.members
 
     def height(member: Member | None) -> float:
@@ -263,8 +266,8 @@ def _is_on_step(before: Member, after: Member, point: Member) -> bool:
     here, there = before.point.place, after.point.place
     size = np.maximum(np.abs(here), np.abs(there))
     units = np.where(size > 0, size, 1.0)
-    way = (there - here) / units
-    share = float(way @ ((point.point.place - here) / units) / (way @ way))
+    step = (there - here) / units
+    share = float(step @ ((point.point.place - here) / units) / (step @ step))
     return share <= 1.0
 
 
@@ -331,8 +334,8 @@ def frequency_response(
         came = f"one of period {own_period:.6g}"
         raise fail("scene", "one without a forcing of its own", came, "Leave that one out.")
     check_equilibrium(scene, jnp.asarray(scene.y0))
-    own = callable(drive) and not isinstance(drive, Input)
-    forced = _own(drive, scene) if own else _by_input(drive, scene)
+    is_function = callable(drive) and not isinstance(drive, Input)
+    forced = _by_function(drive, scene) if is_function else _by_input(drive, scene)
     if isolas and forced.over_levels is None:
         remedy = "Then responses can be followed over the level."
         raise fail("drive", "a function of (omega, level)", "one of omega alone", remedy)
@@ -403,8 +406,8 @@ def _crossings(curve: Family, value: float) -> list[Member]:
 # ---- Isolas: curves that are detached at a level
 #
 # At a fixed frequency the responses are a curve over the level, which begins at those to a weak
-# forcing. Where an isola has joined the main curve at a higher level, this curve turns there, and
-# comes back to the level that is asked for on the isola.
+# forcing. If the isola joins the main response curve at a higher level, the curve over the level
+# turns there and returns to the requested level on the isola.
 
 
 def _frequencies(
@@ -430,7 +433,7 @@ def _isolas(
             if any(_passes(one, orbit, omega) for one in (*known, *found)):
                 continue
             curve = follow(orbit, forced.make(level), omega, down=False)
-            if not curve.closed:  # both of its ends are those of the range
+            if not curve.closed:  # it leads from end to end of the range, so follow all of it
                 last = curve.members[-1]
                 back = last.parameter > omega
                 curve = follow(last.orbit, forced.make(level), last.parameter, down=back)
@@ -503,7 +506,7 @@ def _by_input(drive, scene: Scene) -> _Forced:
     )
 
 
-def _own(drive: Callable[..., Scene], scene: Scene) -> _Forced:
+def _by_function(drive: Callable[..., Scene], scene: Scene) -> _Forced:
     alone = _takes_omega_alone(drive)
 
     def forced(omega, level) -> Scene:
@@ -592,7 +595,7 @@ def _check_forced(scene: Scene, omega: float) -> None:
 
 
 def _near(forced: _Forced, omega: float, level: float, beside: Orbit | None = None) -> Orbit:
-    """The response near another one, or near the linear one; near rest if that is infinite."""
+    """The response near another one, or near the linear one, or near rest if that is infinite."""
     scene = forced.scene(omega, level)
     rest = np.asarray(scene.y0)
     linear = rest + level * forced.linear(omega).real

@@ -23,24 +23,24 @@ from orbits.shooting.outcomes import Trouble, orbit_at, outcome_of
 from orbits.shooting.segmentation import divide
 from orbits.shooting.strategy import Effort, Search, Strategy
 
-# ---- The mesh of collocation: first along a guess, then where the errors of its steps require it
+# ---- The mesh of collocation: first along a guess, then refined by the errors of its steps
 
 #: Most steps of the default method: a motion that takes more is sampled by a stiff method.
 STEPS_MOST = 20_000
 #: Error of a step as a share of the goal; an orbit has hundreds of steps.
 STEP_SHARE = 0.1
-#: Intervals are a multiple of this number, so that few numbers of them are compiled.
+#: The number of intervals is a multiple of this, so that few different numbers are compiled.
 _UNIT = 16
 _FIRST = 64  # intervals of the first mesh
 #: Most intervals; the equations for the unknowns of all of them form one matrix.
 _MOST = 512
 _SAMPLES = 2048  # samples of the guess, for its first mesh
-_CALM = _SAMPLES // 10  # number of samples about the start in which the motion has to be slow
+_CALM = _SAMPLES // 10  # number of samples around the start over which the motion has to be slow
 _SAMPLE_RTOL = 1e-12  # tolerance of these samples
-_RETURNS_MOST = 8  # integrations for the time of the nearest return
+_RETURNS_MOST = 8  # most integrations in the search for the time of the nearest return
 _RETURN_STEP = 0.05  # largest change of that time in one step, as a share of the period
-_SAMPLINGS = 5  # most samplings; each resolves what is some hundred times faster than the last
-#: Share of the intervals of the first mesh that time decides on; the path decides on the others.
+_SAMPLINGS = 5  # most samplings; each resolves changes about a hundred times faster than the last
+#: Share of the first mesh's density that is even in time; the rest is even along the path.
 _BY_TIME = 0.3
 #: Largest ratio of the densities of neighbouring intervals.
 _NEIGHBOURS = 4.0
@@ -82,10 +82,10 @@ def first_guess(
 ) -> Guess | None:
     """A motion on a mesh, from a guess (k + 1,) of start and period; None where it ends early.
 
-    It starts where the motion from the guess is slowest, if any start will do, and the period is
-    the time after which it comes nearest to its start: on a mesh, jumps of a relaxation
-    oscillation cannot move by more than their width in a Newton step. Where the time allowed by
-    `effort` is up, the guess is returned as it is.
+    If any point of the orbit may be its start, the motion starts where it is slowest. The period is
+    the time after which it comes nearest to its start. Both must be good, since a Newton step
+    cannot move the jumps of a relaxation oscillation by more than their width. Refinement stops
+    when the time of `effort` is up.
     """
     span = guess[-1] / equations.closing.parts
     scene = equations.scene.starting(guess[:-1], span)
@@ -94,7 +94,7 @@ def first_guess(
         speeds = np.abs(np.asarray(_rates(scene, ys)) / _scales(ys)).max(axis=1)
         if not np.isfinite(speeds).all():
             return None
-        # Judge a window about each sample: the end of a jump is slow too, but next to the jump.
+        # The largest speed in a window: the end of a jump is slow too, but next to the jump.
         fastest = np.lib.stride_tricks.sliding_window_view(speeds, _CALM).max(axis=1)
         scene = scene.starting(ys[int(np.argmin(fastest)) + _CALM // 2], span)
     if not equations.driven:
@@ -193,10 +193,10 @@ def on_mesh(equations: Equations, mesh: Mesh) -> Equations:
 
 
 class Quality(NamedTuple):
-    """How good the steps of a mesh are; NaN where a step could not be made.
+    """The quality of the steps on a mesh; NaN where a step failed.
 
     Attributes:
-      errors: (n,) errors of their ends, relative to the largest value of each entry.
+      errors: (n,) errors of the steps' ends, relative to the largest value of each entry.
       growth: (n,) growth of errors from start to end of an interval, in the same units.
     """
 
@@ -225,12 +225,12 @@ def quality(equations: Equations, x: np.ndarray) -> Quality:
 
 
 def refine(equations: Equations, x: np.ndarray, tolerance: float) -> Mesh | None:
-    """A mesh whose steps have errors below a tolerance; None if they have them already.
+    """A mesh whose steps have errors below a tolerance; None if the present mesh is one.
 
     Args:
       equations: the equations on the present mesh.
       x: (n,) unknowns there, near a solution.
-      tolerance: largest of the errors in `Quality` that are acceptable.
+      tolerance: largest acceptable error, as in `Quality`.
     """
     found = quality(equations, x)
     if found.errors.max() <= max(tolerance, _SPACING):
@@ -333,7 +333,7 @@ def expand(
     *,
     homogeneous: bool = False,
 ):
-    """(n + 1, k) all changes dy of a chain from those of its ends (k,) and the shared ones (g,).
+    """(n + 1, k) all changes dy, from those of the ends (k,) and the changes dg (g,).
 
     With `homogeneous`, the `rest` of the equations counts as zero.
     """
@@ -370,7 +370,7 @@ class Scales(NamedTuple):
     Attributes:
       state: (k,) units of a state.
       x: (n,) units of all unknowns.
-      closing: (m,) units of the equations besides the steps.
+      closing: (m,) units of the equations other than the steps.
     """
 
     state: np.ndarray
@@ -379,7 +379,7 @@ class Scales(NamedTuple):
 
 
 def scales_of(equations: Equations, x: np.ndarray) -> Scales:
-    """The largest absolute values of the entries of the states at x, and what follows from them."""
+    """The units at x, from the largest absolute values of the entries of the states."""
     states = np.asarray(pieces(equations, x).start)
     largest = np.abs(states).max(axis=0)
     largest = np.where(largest > 0, largest, sizes_at(equations, x))
@@ -480,7 +480,7 @@ def _step(equations, point: _Point, scales: Scales, lower, upper) -> np.ndarray:
     unit = scales.x[places]
     top, rounds = condense(point.chain)
     start, by_x, by_end = map(np.asarray, _boundary_slopes(equations, point.x, point.end))
-    first = start * unit / scales.state[:, None]  # derivative of dy[0] in the shared ones
+    first = start * unit / scales.state[:, None]  # derivative of dy[0] with respect to dg
     rows = np.vstack(
         [
             np.hstack([top.left[0] @ first + top.shared[0], top.right[0]]),
@@ -488,7 +488,7 @@ def _step(equations, point: _Point, scales: Scales, lower, upper) -> np.ndarray:
         ]
     )
     rest = np.append(top.rest[0], point.closing)
-    # Growth over the motion makes some rows large; scaled, each counts alike.
+    # Growth over the motion makes some rows large; they are scaled to count alike.
     size = np.abs(rows).max(axis=1, keepdims=True)
     rows, rest = rows / np.maximum(size, 1e-300), rest / np.maximum(size[:, 0], 1e-300)
     free = np.append(lower[places] < upper[places], np.ones(len(point.end), bool))
@@ -505,7 +505,7 @@ def _step(equations, point: _Point, scales: Scales, lower, upper) -> np.ndarray:
         step[places] = dg
         step[_inner_states(equations)] = states[1:-1].ravel()
         steps.append(step)
-    # The shortest in all unknowns: one that is short at the ends may shift every jump between.
+    # The step that is shortest in all unknowns: one short only at the ends may shift every jump.
     found, kernel = steps[0], np.stack([*steps[1:], 0 * steps[0]], axis=1)
     return scales.x * (found - kernel @ np.linalg.lstsq(kernel, found, rcond=None)[0])
 
@@ -533,7 +533,7 @@ def _inner_states(equations: Equations) -> slice:
 
 
 def _shared_places(equations: Equations) -> np.ndarray:
-    """Places in x of the other unknowns: the start, which both ends share, and the last ones."""
+    """Places in x of the other unknowns: the start, and those after the states inside the mesh."""
     inside = _inner_states(equations)
     n = inside.stop + equations.closing.turns + (equations.make is not None) + 1
     return np.append(np.arange(inside.start), np.arange(inside.stop, n))
@@ -548,7 +548,10 @@ def _slopes_in_shared(equations: Equations, x):
 
 @jax.jit
 def _boundary_slopes(equations: Equations, x, end):
-    """Derivatives of the start in the shared unknowns, and of `boundary` in these and the end."""
+    """Derivatives with respect to the shared unknowns, of the start and of `boundary`.
+
+    The last item is the derivative of `boundary` with respect to the end.
+    """
     places = _shared_places(equations)
 
     def start(u):
@@ -588,7 +591,7 @@ class Collocation(Strategy):
         """
         problem, equations, effort = search.problem, search.equations, search.effort
         if has_constraints(equations.scene):
-            remedy = "Leave it out: by shooting."
+            remedy = "Leave it out, to search by shooting."
             raise fail("strategy", "one for a scene with projected constraints", self, remedy)
         if search.segments is not None:
             raise fail("segments", "none with collocation", search.segments)
@@ -608,9 +611,9 @@ class Collocation(Strategy):
 
     @staticmethod
     def may_help(search: Search, failed: Orbit) -> bool:
-        """Whether collocation may find what shooting did not.
+        """Whether collocation may find an orbit that shooting did not find.
 
-        It may where the motion from the guess is stiff, or integrations take too many steps.
+        It may if the motion from the guess is stiff, or if integrations took too many steps.
         """
         if has_constraints(search.equations.scene):
             return False
@@ -631,7 +634,7 @@ class _Found(NamedTuple):
       equations: the equations on the last mesh.
       result: where Newton's method ended.
       error: the largest error of a step.
-      trouble: the test that compares with the guess on the first mesh.
+      trouble: the test that compares iterates with the guess on the first mesh.
     """
 
     equations: Equations

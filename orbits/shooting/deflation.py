@@ -5,11 +5,11 @@ orbits, with d the distance of x from each. The product has all zeros of F but t
 Its Jacobian is m (J + F g^T) with g the gradient of log m, so that by the Sherman-Morrison formula
 the Newton step is that of F itself times 1 / (1 - g . step): it costs no more than a plain one.
 
-Distances are taken modulo what leaves an orbit the same (see `orbits.same_orbit`). The start may
-lie anywhere on the known orbit, run through once or twice. Several free points are compared by the
-dot products of their positions and velocities, which rotations, reflections and translations keep,
-for each order of equal bodies and both directions of time; those that only attract each other are
-scaled to the known period first.
+Distances are taken modulo the transformations that leave an orbit the same (`orbits.same_orbit`).
+The start may lie anywhere on the known orbit, run through once or twice. Several free points are
+compared by the dot products of their positions and velocities, which rotations, reflections and
+translations preserve, for each order of equal bodies and both directions of time; those that only
+attract each other are scaled to the known period first.
 
 Steps have a largest length and need not decrease the residual: m F has minima beside the known
 orbits, where a descent would end.
@@ -46,39 +46,42 @@ from orbits.shooting.strategy import Effort, Search, Strategy
 
 #: Distance from a known orbit, relative to its size, below which an orbit is the same.
 SAME = 1e-4
-_SAMPLES = 512  # samples of a known orbit, joined by lines, which are off by 1e-5 of its size
+_SAMPLES = 512  # samples of a known orbit; straight lines between them are off by 1e-5 of its size
 _RTOL = 1e-10  # tolerance of the samples
 _RESTING = 1e-6  # a range below this share of an entry's size is rounding
 _TIMES = (1, 2)  # numbers of periods of a known orbit that are deflated
 _PARTS = 12  # most periods of the drive in one period of a known orbit
 _MOST_ORDERED = 4  # most bodies that are permuted; of more, each is compared only with itself
-#: A guess nearer to a known orbit than this, relative to its size, is moved by so much in random
-#: directions, one after the other.
+#: A guess nearer to a known orbit than this, relative to its size, is moved by about this distance,
+#: in one random direction after another.
 _BESIDE = 0.1
-#: Dampings of successive iterations: with much damping they may alternate between two points, with
-#: little they jump. Over eight seeds 0.03 alone finds 7 of 8 other motions of Duffing's oscillator
-#: and 2.9 cycles of Lorenz's system, 0.3 alone none and 5.8; 0.03 and 1 in turn find 7 of 8 and
-#: 5.4.
+#: Dampings used in turn by successive iterations: with much damping iterates may alternate between
+#: two points, with little they jump. Averaged over eight seeds, 0.03 alone finds 7 of 8 other
+#: motions of Duffing's oscillator and 2.9 cycles of Lorenz's system, 0.3 alone none and 5.8; 0.03
+#: and 1 in turn find 7 of 8 and 5.4.
 _DAMPINGS = (0.03, 1.0)
-_TRIES = 3  # all iterations together may take this many times the limit of one
+_TRIES = 3  # limit of the steps of all iterations together, in multiples of the limit of one
 _LONGEST = 0.1  # longest step, relative to the known orbits' size and to the guessed period
 _NEAR = 1e-6  # closing error from which Newton's method without deflation finds the same orbit
 _HALVINGS = 5  # most halvings of a step into a singularity
 _LOOSE = 1e-11  # tolerance of the integrations
 _MAX_STEPS = 5000  # steps of an integration; a near collision takes many times more
 _SHORTEST = 0.1  # shortest period, relative to the guessed one
-_HELD = 3  # an iteration is given up after so many steps in a row to the shortest period
+_HELD = 3  # steps in a row to the shortest period after which an iteration is abandoned
 
 
 class KnownOrbit(eqx.Module):
-    """A known orbit as lines between samples, one set for each way to see it.
+    """A known orbit as straight lines between samples.
+
+    There is one set of lines for each of its equivalent images: permutations of equal bodies and
+    the two directions of time.
 
     Attributes:
-      points: (c, s, q) where the lines begin: states (k,), or what `_dots` makes of them.
-      sides: (c, s, q) the lines, divided by the scales.
+      points: (c, s, q) where the lines begin: states (k,), or their dot products (`_dots`).
+      sides: (c, s, q) the vectors along the lines, divided by the scales.
       period: () its period.
       scales: (k,) the largest range of the entries of each group (`jaxdyn.scales`), and at least
-        what the coupled groups imply (`coupled_sizes`).
+        the effect of the other entries (`coupled_sizes`).
       scaled: whether Kepler's third law scales it.
     """
 
@@ -96,7 +99,7 @@ class DeflationResult(NamedTuple):
       x: (n,) the unknowns.
       residual: largest entry of the closing error.
       near: whether an orbit unlike the known ones is near.
-      iterations: how many steps were taken.
+      iterations: number of steps that were taken.
     """
 
     x: np.ndarray
@@ -124,7 +127,7 @@ class Deflated(Strategy):
           ValueError: a known orbit does not close, or is of another system.
         """
         problem, effort, equations = search.problem, search.effort, search.equations
-        several = known_orbits(self.known, problem.scene)
+        known = known_orbits(self.known, problem.scene)
         guess = problem.guess
         cuts = cut_into_segments(
             equations,
@@ -136,11 +139,11 @@ class Deflated(Strategy):
         )
         effort.begin("Newton's method with the known orbits deflated")
         x = cuts.spread(guess[:-1], guess[-1], effort.rtol, angle=search.angle)
-        found = deflate(problem, cuts, x, several, effort)
+        found = deflate(problem, cuts, x, known, effort)
         if found.near:
             orbit = Shooting().orbit(search.at(cuts, found.x))
             at = equations.pack(orbit.y0, (), orbit.angle, 0.0, orbit.period)
-            if not orbit.ok or distance(equations, at, several) > SAME:
+            if not orbit.ok or distance(equations, at, known) > SAME:
                 return orbit
         return orbit_at(cuts, found.x, found.residual, Outcome.NO_OTHER, rtol=effort.rtol)
 
@@ -151,7 +154,7 @@ def _named(scene: Scene) -> str:
 
 
 def known_orbits(orbits: Sequence[Orbit], scene: Scene) -> list[KnownOrbit]:
-    """The known orbits as they are deflated.
+    """The known orbits in the form in which they are deflated.
 
     Raises:
       ValueError: one of the orbits does not close, or is of another system.
@@ -166,16 +169,16 @@ def known_orbits(orbits: Sequence[Orbit], scene: Scene) -> list[KnownOrbit]:
     return [_known_orbit(orbit) for orbit in orbits]
 
 
-def distance(equations: Equations, x: np.ndarray, several: Sequence[KnownOrbit]) -> float:
+def distance(equations: Equations, x: np.ndarray, known: Sequence[KnownOrbit]) -> float:
     """Distance of a start and a period from the nearest known orbit, relative to its size."""
-    return min(float(np.sqrt(square)) for square, _ in _squares(equations, x, several))
+    return min(float(np.sqrt(square)) for square, _ in _squares(equations, x, known))
 
 
 def deflate(
     problem: Problem,
     equations: Equations,
     x: np.ndarray,
-    several: Sequence[KnownOrbit],
+    known: Sequence[KnownOrbit],
     effort: Effort,
 ) -> DeflationResult:
     """A point near an orbit unlike the known ones, or the last iterate.
@@ -184,8 +187,8 @@ def deflate(
       problem: bounds of the start and the period.
       equations: the closing equations.
       x: (n,) a guess.
-      several: the known orbits.
-      effort: limits of steps and time, and what is called after each step.
+      known: the known orbits.
+      effort: limits of steps and time, and the function that is called after each step.
     """
     lower, upper = equations.bounds(problem.lower, problem.upper)
     lower[-1] = max(lower[-1], min(_SHORTEST * x[-1], upper[-1]))
@@ -196,8 +199,8 @@ def deflate(
     iteration = DeflatedNewton(
         closed=closed,
         units=closed.units.x,
-        squares=lambda x: _squares(equations, x, several),
-        sizes=_sizes(equations, x, several),
+        squares=lambda x: _squares(equations, x, known),
+        sizes=_sizes(equations, x, known),
         bounds=(lower, upper),
         lost=lambda x: trouble(equations, x) is not None,
         effort=effort,
@@ -214,8 +217,8 @@ class DeflatedNewton(NamedTuple):
       squares: x -> the square of its distance from each known motion, and that square's gradient.
       sizes: (n,) sizes of the unknowns; the longest step is measured in them.
       bounds: lower and upper bounds (n,) of the unknowns, the last of which is a time.
-      lost: x -> whether an iteration that has come to x leads nowhere.
-      effort: limits of steps and time, and what is called after each step.
+      lost: x -> whether an iteration that reaches x should be abandoned.
+      effort: limits of steps and time, and the function that is called after each step.
     """
 
     closed: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -231,7 +234,10 @@ class DeflatedNewton(NamedTuple):
         return min(float(np.sqrt(square)) for square, _ in self.squares(x))
 
     def solve(self, x: np.ndarray) -> DeflationResult:
-        """Where iterations from a guess x (n,) end; from beside it if it is near a known motion."""
+        """Where iterations from a guess x (n,) end.
+
+        If the guess is near a known motion, they start at random points beside it.
+        """
         effort, (lower, upper) = self.effort, self.bounds
         if self.distance(x) > _BESIDE:
             return self._iterate(x, effort.max_iterations, _DAMPINGS[0])
@@ -262,7 +268,7 @@ class DeflatedNewton(NamedTuple):
             length = float(np.linalg.norm(step / units))
             self.effort.report(newton.Iteration(index, size, float(x[-1]), length))
             lost = not np.isfinite(jacobian).all() or self.lost(x)
-            # An iteration stays on the shortest period: near it the equations change little.
+            # An iteration can stick at the shortest period, where the equations change little.
             held = held + 1 if x[-1] <= self.bounds[0][-1] < self.bounds[1][-1] else 0
             lost |= held >= _HELD
             if size <= _NEAR and not lost:
@@ -286,9 +292,9 @@ def _slope(squares: list) -> np.ndarray:
     return -np.sum([np.asarray(slope) / (q * (1 + q)) for q, slope in squares], axis=0)
 
 
-def _squares(equations: Equations, x: np.ndarray, several: Sequence[KnownOrbit]) -> list:
+def _squares(equations: Equations, x: np.ndarray, known: Sequence[KnownOrbit]) -> list:
     """The squares of the distances from known orbits, and their gradients."""
-    return [_square(equations, x, one) for one in several]
+    return [_square(equations, x, one) for one in known]
 
 
 @jax.jit
@@ -300,7 +306,7 @@ def _square(equations: Equations, x: Array, one: KnownOrbit) -> Array:
 
 
 def _square_over(system: System, y0: Array, period: Array, one: KnownOrbit) -> Array:
-    """() that square for one passage of the known orbit, which takes `period`."""
+    """() that square, with `period` the time that corresponds to one period of the known orbit."""
     longer = period / one.period
     if one.scaled:
         lengths = longer ** (2 / 3)
@@ -314,7 +320,7 @@ def _square_over(system: System, y0: Array, period: Array, one: KnownOrbit) -> A
     along = jnp.sum(off * one.sides, axis=-1) / jnp.where(square > 0, square, 1.0)
     along = jax.lax.stop_gradient(jnp.clip(along, 0.0, 1.0))
     nearest = jnp.sum((off - along[..., None] * one.sides) ** 2, axis=-1).min()
-    # The gradient is zero on the orbit, where its direction is unknown and steps are zero.
+    # On the orbit the gradient is zero: it has no direction there, and steps are zero anyway.
     late = 0.0 if one.scaled else (longer - 1.0) ** 2
     return jnp.maximum(nearest + late, jnp.finfo(float).tiny)
 
@@ -336,7 +342,7 @@ def _known_orbit(orbit: Orbit) -> KnownOrbit:
     if has_several_points(scene.system):
         curves = _images(scene.system, np.asarray(ys) / scales)
         points, sides = curves[:, :-1], jnp.diff(curves, axis=1)
-    elif is_driven(scene):  # only the phases of the drive at which a period may begin
+    elif is_driven(scene):  # only those points at which a period may begin, by the drive's phase
         parts = next((n for n in range(_PARTS, 1, -1) if repeats(scene, period / n)), 1)
         at = np.arange(parts) * period / parts
         points = quick_solve(scene, period, ts=at, rtol=_RTOL, solver=orbit.solver).ys[None]
@@ -354,7 +360,7 @@ def _known_orbit(orbit: Orbit) -> KnownOrbit:
 
 
 def _images(system: System, ys: np.ndarray) -> Array:
-    """(c, s, q) `_dots` of scaled states (s, k), for all orders of equal bodies, and backwards."""
+    """(c, s, q) `_dots` of scaled states (s, k), for each order of equal bodies and of time."""
     assert isinstance(system, FreePoints)
     m = np.asarray(system.m)
     bodies = range(len(m))
@@ -370,14 +376,14 @@ def _images(system: System, ys: np.ndarray) -> Array:
 
 
 def _scales(scene: Scene, ys: np.ndarray) -> np.ndarray:
-    """(k,) the scales of a known orbit from its states (s, k); the sizes of entries that rest."""
+    """(k,) the scales of a known orbit from its states (s, k); for entries at rest, the sizes."""
     known = sizes(scene)
     ranges = alike(scene, np.ptp(ys, axis=0))
     return coupled_sizes(scene, np.where(ranges > _RESTING * known, ranges, known))
 
 
-def _sizes(equations: Equations, x: np.ndarray, several: Sequence[KnownOrbit]) -> np.ndarray:
+def _sizes(equations: Equations, x: np.ndarray, known: Sequence[KnownOrbit]) -> np.ndarray:
     """(n,) the size of each unknown: the scales of the known orbits, and the guessed period."""
-    scales = np.max([one.scales for one in several], axis=0)
+    scales = np.max([one.scales for one in known], axis=0)
     between = np.tile(scales, (equations.segments - 1, 1))
     return equations.pack(scales, between, angle=1.0, parameter=1.0, period=x[-1])

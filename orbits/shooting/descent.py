@@ -45,7 +45,7 @@ _NEAR = 0.1
 #: Steps within which the least error must decrease by a factor unless it is below `_NEAR`; else the
 #: descent has stalled. Near an orbit the error oscillates until the scheduled steps get shorter.
 _PATIENCE, _PROGRESS = 100, 0.9
-_FIRST = 0.5  # share of the time after which the search begins again at the guess
+_FIRST = 0.5  # share of the time for the descent; the rest is for a search from the guess
 _RTOL = 1e-8
 _MAX_STEPS = 5000  # steps of one motion; more would mean that it is close to a collision
 
@@ -117,18 +117,18 @@ def descend(
       x: (n,) the guess.
       lower: (n,) bounds of x.
       upper: (n,) bounds of x.
-      effort: the limit of time, and what is called with each step.
+      effort: the limit of time, and the function that is called with each step.
     """
     closed = InUnits(equations, x, _RTOL, effort.limits(_MAX_STEPS))
-    units, each = closed.units.x, closed.sizes
-    path, _ = _path(jnp.asarray(x), equations, each)
-    lengths = np.append(units[:-1], x[-1])  # the period by its own size
+    units, entry_sizes = closed.units.x, closed.sizes
+    path, _ = _path(jnp.asarray(x), equations, entry_sizes)
+    lengths = np.append(units[:-1], x[-1])  # the period in units of itself
     state = _adam().init(jnp.asarray(x))
     best, best_residual, least, step = x, np.nan, np.inf, 0.0
     mark, marked = np.inf, 0
     for index in range(_STEPS_MOST):
         residual, jacobian = closed(x)
-        by_x = _path(jnp.asarray(x), equations, each)
+        by_x = _path(jnp.asarray(x), equations, entry_sizes)
         error, gradient = _error(residual, jacobian, by_x, float(path), units)
         if not (np.isfinite(error) and np.isfinite(gradient).all()):  # a collision
             break
@@ -165,11 +165,11 @@ def _error(
 
 @jax.jit
 @jax.value_and_grad
-def _path(x: Array, equations: Equations, each: Array) -> Array:
+def _path(x: Array, equations: Equations, entry_sizes: Array) -> Array:
     """() the path that the rate at the start would cover, in sizes (k,); and its gradient (n,)."""
     scene = equations.scene_at(equations.unpack(x).parameter)
     rate = scene.rate(jnp.zeros(()), equations.start(x))
-    return x[-1] * jnp.linalg.norm(rate / each)
+    return x[-1] * jnp.linalg.norm(rate / entry_sizes)
 
 
 @functools.cache

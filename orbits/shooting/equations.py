@@ -80,8 +80,8 @@ class Equations(eqx.Module):
       make: (parameter of a family) -> scene; None without a parameter.
       shares: (segments,) fractions of the time to integrate; their sum is 1.
       s_spans: (segments,) spans of logarithmic time; None in plain time.
-      beside: (k,) distance from the start at which the rate is compared with that after the period;
-        None where it does not depend on time.
+      beside: (k,) offset from the start to the state at which the rate is compared with that one
+        period later; None where the rate does not depend on time.
       collocated: whether a segment is one step of Gauss collocation instead of an integration.
       stiff: whether a stiff method integrates motions, for first guesses.
     """
@@ -195,14 +195,14 @@ class Equations(eqx.Module):
         return gauss_steps.interpolate(np.asarray(here.start)[interval], nodes[interval], inside)
 
     def _states_between(self, known: list, period, parameter, rtol) -> list[np.ndarray]:
-        """The states between segments of a motion that passes through known ones.
+        """The states between segments of a motion that passes through known states.
 
-        Each known one is a share of the time, a logarithmic time and a state.
+        Each known state is given with its share of the time and its logarithmic time.
         """
         scene, part = self.scene_at(as_float(parameter)), period / self.closing.parts
         solver = RADAU9 if self.stiff else None
         between, (at, s_at, y), left = [], known[0], known[1:]
-        # Sequentially: a program for all samples would recompile for each number of them.
+        # One after the other: a program for all of them would be compiled for each number.
         for share, s in self._joints[1:]:
             while left and left[0][0] <= share:
                 (at, s_at, y), left = left[0], left[1:]
@@ -215,7 +215,7 @@ class Equations(eqx.Module):
         return between
 
     def transitions(self, y0, period, rtol) -> np.ndarray:
-        """(segments, k, k) derivatives of ends of segments in their starts, along one motion."""
+        """(segments, k, k) derivatives of segments' ends with respect to their starts."""
         if self.collocated:
             return np.asarray(self(self.spread(y0, period, rtol), rtol).transitions)
         y, t, maps = jnp.asarray(y0, float), 0.0, []
@@ -304,7 +304,7 @@ class Equations(eqx.Module):
 
 
 def _unfinished(k: int) -> LinearizedEnd:
-    """What `linearize_end` returns for a segment that is not integrated."""
+    """The result of `linearize_end` for a segment that is not integrated: NaN."""
     slopes = Piece(np.full((k, k), np.nan), *np.full((3, k), np.nan))
     return LinearizedEnd(np.full(k, np.nan), np.asarray(Status.STEP_LIMIT), np.asarray(0), slopes)
 
@@ -316,7 +316,7 @@ def pieces(equations: Equations, x: Array) -> Piece:
     scene = equations.scene_at(unknowns.parameter)
     spans = unknowns.period / equations.closing.parts * jnp.asarray(equations.shares)
     first = equations.start(x)
-    # Not the sums less the spans: the first one would be zero but for rounding.
+    # Not cumsum(spans) - spans, whose first entry would be zero only up to rounding.
     times = jnp.where(equations.driven, jnp.append(0.0, jnp.cumsum(spans)[:-1]), 0.0)
     between = jax.vmap(scene.system.project)(times[1:], unknowns.between)
     starts = jnp.concatenate([first[None], between])
@@ -350,7 +350,7 @@ def errors(equations: Equations, x: Array, starts: Array, ends: Array) -> Array:
 
 @jax.jit
 def boundary(equations: Equations, x: Array, start: Array, end: Array) -> Array:
-    """(m,) the equations besides the joints: closing, conditions, and the period of a drive."""
+    """(m,) the equations other than the joints: closing, conditions, and the period of a drive."""
     unknowns = equations.unpack(x)
     scene = equations.scene_at(unknowns.parameter)
     miss = equations.closing.residual(scene.system, end, start, unknowns.angle)
@@ -362,10 +362,10 @@ def boundary(equations: Equations, x: Array, start: Array, end: Array) -> Array:
 
 # ---- Closing equations in the units of a motion: dimensionless unknowns, residual and Jacobian
 #
-# Norms, ranks, dampings and goals only mean something for numbers of one kind. So an iteration
-# works with the unknowns divided by their sizes, and with each equation divided by what it is to be
-# compared with: an error of closing by the size of its entry, a condition by the change that the
-# unknowns make in it when each changes by its size.
+# Norms, ranks, dampings and goals are meaningful only for dimensionless numbers. So an iteration
+# works with the unknowns divided by their sizes, and with each equation divided by its own unit: a
+# closing error by the size of its entry, a condition by the norm of its changes when each unknown
+# changes by its size.
 
 #: A value below this share of an entry's size is rounding.
 _ROUNDING = 1e-9
@@ -403,20 +403,20 @@ def units_at(
     equations: Equations, x: np.ndarray, jacobian: np.ndarray, known: UnknownSizes
 ) -> Units:
     """The units of the motion at x, where the Jacobian is known."""
-    each, x_units = known.sizes, units_of_unknowns(equations, x, known)
+    entry_sizes, x_units = known.sizes, units_of_unknowns(equations, x, known)
     changes = np.abs(np.where(np.isfinite(jacobian), jacobian, 0.0)) * x_units
-    between = np.tile(each, equations.segments - 1)
-    rows = np.concatenate([between, equations.closing.residual_units(each)])
+    between = np.tile(entry_sizes, equations.segments - 1)
+    rows = np.concatenate([between, equations.closing.residual_units(entry_sizes)])
     return Units(x_units, equation_units(equations, rows, changes))
 
 
 def units_of_unknowns(equations: Equations, x: np.ndarray, known: UnknownSizes) -> np.ndarray:
     """(n,) the units of unknowns x (n,); the unit of time is a radian of the period."""
-    # The states of all segments count as one.
-    each = np.sqrt(equations.segments) * known.sizes
-    between = np.tile(each, (equations.segments - 1, 1))
+    # The states of all segments together count as much as one.
+    entry_sizes = np.sqrt(equations.segments) * known.sizes
+    between = np.tile(entry_sizes, (equations.segments - 1, 1))
     radian = x[-1] / (2 * np.pi)
-    return equations.pack(each, between, angle=1.0, parameter=known.parameter, period=radian)
+    return equations.pack(entry_sizes, between, angle=1.0, parameter=known.parameter, period=radian)
 
 
 def equation_units(equations: Equations, states: np.ndarray, changes: np.ndarray) -> np.ndarray:
@@ -474,15 +474,15 @@ class InUnits:
         self.units = units_at(equations, x, np.asarray(self._last[1].jacobian), known)
 
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The residual (m,) and the Jacobian (m, n), in the units, at x (n,) in its own units.
+        """The residual (m,) and the Jacobian (m, n), in the units, at x (n,) without units.
 
-        An iteration that continues from the last evaluation does not repeat it.
+        The last evaluation is kept and not repeated.
         """
         found = self._at(x)
         return np.asarray(found.residual) / self.units.residual, self.units.jacobian(found.jacobian)
 
     def transitions(self, x: np.ndarray) -> np.ndarray:
-        """(segments, k, k) derivatives of ends of segments with respect to starts, in the sizes."""
+        """(segments, k, k) derivatives of segments' ends with respect to starts, in the sizes."""
         return map_in_units(np.asarray(self._at(x).transitions), self.sizes)
 
     def steps(self, x: np.ndarray) -> int:

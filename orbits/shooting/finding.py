@@ -81,13 +81,13 @@ def find(
         default is shooting, then collocation where that fails and the guess is stiff.
       segments: number of segments integrated independently (multiple shooting); by default as
         many as the growth of errors along the guess requires.
-      goal: largest `Orbit.residual` of what counts as an orbit; the rounding level with the most
-        segments takes its place where that is larger. It is that of each segment: `orbits.recheck`
-        says to how much one run over the whole period closes, which is more where errors grow.
+      goal: largest `Orbit.residual` that counts as closed, or the rounding level with the largest
+        number of segments if that is larger. It applies to each segment: one run over the whole
+        period closes less well if errors grow over it; see `orbits.recheck`.
       rtol: tolerance of the integrations.
-      max_iterations: Newton steps at most.
-      seconds: time limit of the search, for all that it tries. An integration that has begun is
-        completed; compiling does not count, and is stated where the search fails.
+      max_iterations: largest number of Newton steps.
+      seconds: time limit of the whole search. An integration that has begun is completed. The time
+        of compiling does not count; the message of a failed search states it.
       report: called with an `Iteration` after each step, those of the descent included.
       throw: raise if no orbit was found; with False check `Orbit.outcome`.
       rough: deprecated; use ``strategy=orbits.Descent()``.
@@ -141,7 +141,7 @@ def find(
 
 
 def _period_hint(problem: Problem, period) -> str:
-    """What finds an orbit without a guess of its period, where none was given; "" otherwise."""
+    """Which function needs no guess of the period, if none was given; "" otherwise."""
     if period is not None or problem.driven:
         return ""
     return (
@@ -151,9 +151,11 @@ def _period_hint(problem: Problem, period) -> str:
 
 
 def _symmetry_hint(problem: Problem) -> str:
-    """What suits a symmetric guess better, where it was closed plainly; "" for others."""
-    way = "" if problem.closings != (PLAIN,) else symmetric_closing(problem.scene)
-    return way and f"The guess is symmetric: {way} needs half of the period and of the unknowns."
+    """Which closing suits a symmetric guess better than the plain one; "" for other guesses."""
+    better = "" if problem.closings != (PLAIN,) else symmetric_closing(problem.scene)
+    if not better:
+        return ""
+    return f"The guess is symmetric: {better} needs half of the period and of the unknowns."
 
 
 def _strategy_of_flags(
@@ -189,14 +191,14 @@ def _nearest(problem: Problem, rtol) -> tuple[Closing, float]:
     scene, closings = problem.scene, problem.closings
     if len(closings) == 1 and not closings[0].turns:
         return closings[0], 0.0
-    best, each = (math.inf, closings[0], 0.0), sizes(scene)
+    best, entry_sizes = (math.inf, closings[0], 0.0), sizes(scene)
     for closing in closings:
         system, y0 = scene.system, np.asarray(scene.y0)
         end = quick_solve(scene, float(scene.t1) / closing.parts, rtol=rtol).y1
         end = np.asarray(end)
         angle = closing.angle(system, end, y0)
         miss = np.asarray(closing.residual(system, end, y0, np.asarray(angle)))
-        error = float(np.linalg.norm(miss / closing.residual_units(each)))
+        error = float(np.linalg.norm(miss / closing.residual_units(entry_sizes)))
         if error < best[0]:
             best = (error, closing, angle)
     return best[1:]

@@ -3,9 +3,9 @@
 A polynomial of degree m satisfies the equation at the m Gauss nodes of an interval; its end then
 has an error of order 2 m. Shooting whose segments are such steps is collocation with its inner
 unknowns eliminated, so that closing conditions, families and special points work as they do for
-shooting. Each step begins at a state of the mesh, and the states are solved for together: what
-grows or decays over a period by factors that no integration survives changes little over one
-interval.
+shooting. Each step begins at a state of the mesh, and all these states are solved for together:
+errors that grow or decay over a period by factors too large for an integration change little over
+one interval.
 
 Reference: U. Ascher, R. Mattheij, R. Russell, Numerical Solution of Boundary Value Problems for
 Ordinary Differential Equations, SIAM (1995), chapter 5; E. Doedel, Lecture Notes on Numerical
@@ -31,7 +31,7 @@ NODES = 8
 _MORE = 2  # additional nodes with which the error of a step is estimated
 _ITERATIONS_MOST = 20
 _CONVERGED = 1e-15  # change of the states at the nodes, relative to their size
-_ACCEPTED = 1e-9  # with a last change above this share the iteration has not converged
+_ACCEPTED = 1e-9  # largest last change, in the same measure, of an iteration that has converged
 
 
 class Rule(NamedTuple):
@@ -87,13 +87,13 @@ def steps(scene: Scene, pieces: Piece, *, make: Make | None, nodes: int = NODES)
 
 @functools.partial(jax.jit, static_argnames=("make", "nodes"))
 def linearize_steps(scene: Scene, pieces: Piece, *, make: Make | None, nodes: int = NODES):
-    """The steps, and the derivatives of their ends in each field of the pieces (a `Piece`)."""
+    """The steps, and the derivatives of their ends with respect to the pieces (a `Piece`)."""
 
-    def each(piece: Piece, end: Array):
+    def linearize_step(piece: Piece, end: Array):
         step = _step(scene, make, piece, end, rule(nodes))
         return step, _slopes(scene, make, piece, step.nodes, rule(nodes))
 
-    return jax.vmap(each)(pieces, _guess_ends(pieces))
+    return jax.vmap(linearize_step)(pieces, _guess_ends(pieces))
 
 
 def _guess_ends(pieces: Piece) -> Array:
@@ -111,7 +111,10 @@ def local_errors(scene: Scene, pieces: Piece, *, make: Make | None) -> np.ndarra
 
 
 def interpolate(start: np.ndarray, nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """(n, k) the polynomials through starts (n, k) and nodes (n, m, k), at shares (n,) of each."""
+    """(n, k) the polynomials through starts (n, k) and nodes (n, m, k).
+
+    Each is evaluated at its own share `at` (n,) of the interval.
+    """
     points = np.append(0.0, rule(nodes.shape[1]).c)
     values = np.concatenate([start[:, None], nodes], axis=1)
     weights = np.ones((len(at), len(points)))
@@ -162,7 +165,10 @@ def _step(scene: Scene, make: Make | None, piece: Piece, end: Array, rule: Rule)
 
 
 def _slopes(scene: Scene, make: Make | None, piece: Piece, nodes: Array, rule: Rule) -> Piece:
-    """Derivatives of the end in each field of the piece, by the implicit function theorem."""
+    """Derivatives of the end with respect to each field of the piece.
+
+    They follow from the implicit function theorem.
+    """
 
     def defect(at: Piece):
         return _defect(scene, make, at._replace(s=None), nodes, rule).ravel()

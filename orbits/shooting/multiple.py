@@ -36,8 +36,9 @@ def finer(
 ) -> Equations:
     """The equations in more segments, since close encounters inside one amplify rounding.
 
-    An orbit that closes is cut, also far from its guess; what does not close yet may be no motion
-    of use, so that the guess is cut as long as the two are near.
+    The cuts are chosen along the orbit if it closes, even far from the guess. An iterate that does
+    not close may be a useless motion, so the cuts are then chosen along the guess, unless the
+    iterate has become a different motion.
     """
     left = cuts.s_period is not None and _other_motion(orbit.s_period, cuts.s_period)
     known = np.append(orbit.y0, orbit.period)
@@ -73,8 +74,8 @@ def _other_motion(a: float | None, b: float | None) -> bool:
 # period, that orbit is the one requested.
 
 _STEPS_MOST = 10  # convergence is quadratic
-#: Share of the residual that may remain after a step with the start held: more means that the
-#: start is not periodic.
+#: Largest share of the residual that the linear model may leave after a step with the start held:
+#: a larger one means that the start is not periodic.
 _SHARE_LEFT_MOST = 0.7
 _PERIOD_FACTOR_MOST = 2.0  # between the periods found and guessed
 
@@ -122,7 +123,7 @@ def retime(
 
 # ---- Newton's method on the closing equations, in as many segments as rounding requires
 
-#: Most new cuts: more than the doublings from one segment to the maximum.
+#: Most times that a motion is cut anew: more than the doublings from one segment to the maximum.
 _RECUTS_MOST = 6
 
 

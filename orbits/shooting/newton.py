@@ -2,12 +2,12 @@
 
 The solutions of closing conditions are not isolated: an orbit that is shifted in time, translated,
 rotated or scaled still closes. Of all steps that solve the linearised equations the shortest is
-taken (from a singular value decomposition without the singular values below rounding), so that
+taken (from a singular value decomposition without the singular values that are rounding), so that
 the iteration ends near its start. Steps are damped so that the norm of the residual
 decreases: full steps from a rough guess lead to other orbits or to trivial ones.
 
-The last stage is always Newton's method on the residual itself. Descent on its square loses half
-of the digits: at a closing error of 1e-8 the square is at the rounding level already.
+The last stage of any search is Newton's method on the residual itself. Descent on the square of the
+residual loses half of the digits: at a closing error of 1e-8 it is already at the rounding level.
 """
 
 import dataclasses
@@ -27,12 +27,12 @@ _DAMPING_START = 0.1
 _DAMPING_GROW, _DAMPING_SHRINK = 4.0, 0.25
 _DAMPING_MAX = 1e8
 #: Steps without progress after which the residual counts as rounding: at a solution, and above the
-#: goal, where damping may still act or a double root only halves what is left.
+#: goal, where damping may still shorten steps and a double root only halves the residual.
 _STALLED_STEPS, _STALLED_ABOVE = 2, 8
-#: Consecutive refused steps, each at most half as long as the one before, whose misfits indicate
+#: Consecutive rejected steps, each at most half as long as the one before, whose misfits indicate
 #: rounding: fewer would end iterations that rounding only slows down.
 _NOISY_STEPS = 4
-#: A step is at most this fraction of the refused step before it; longer ones would fail as well.
+#: A step is at most this fraction of the rejected step before it; longer ones would fail as well.
 _SHORTER = 0.5
 #: Steps near a solution that leave a larger share of the residual than this make no progress.
 _SHARE_LEFT = 0.1
@@ -81,8 +81,8 @@ class _Point(NamedTuple):
     factors: tuple[np.ndarray, np.ndarray, np.ndarray] | None
 
 
-class _Refused(NamedTuple):
-    """A refused step: its length, and the misfit of the linear model."""
+class _Rejected(NamedTuple):
+    """A rejected step: its length, and the misfit of the linear model."""
 
     step: float
     misfit: float
@@ -120,7 +120,7 @@ def solve(
         to the rounding level, as long as it makes progress.
       max_iterations: largest number of accepted steps.
       keep_going: called with each accepted point; False ends the iteration.
-      over: called before each evaluation, also after refused steps; True ends the iteration.
+      over: called before each evaluation, also after rejected steps; True ends the iteration.
       report: called after each accepted step.
       units: (n,) units of x, in which lengths of steps are measured.
     """
@@ -130,9 +130,9 @@ def solve(
     report(Iteration(index=0, residual=_size(residual), period=x[-1], step=0.0))
     best, accepted = point, 0
     mark, stalled = _size(residual), 0
-    damping, refused, noisy = _DAMPING_START, None, 0
+    damping, rejected, noisy = _DAMPING_START, None, 0
     while accepted < max_iterations and _finite(point.residual, point.jacobian) and not over():
-        step, damping = _damp(point, bounds, damping, refused)
+        step, damping = _damp(point, bounds, damping, rejected)
         new = np.clip(point.x + step * bounds.units, lower, upper)
         residual, jacobian = equations(new)
         solved = _size(point.residual) <= goal
@@ -144,13 +144,13 @@ def solve(
             moved = (new - point.x) / bounds.units
             misfit = _norm(residual - point.residual - point.jacobian @ moved)
             # The nonlinear part decreases with the square of the step; rounding does not.
-            rounding = refused is not None and misfit > _SHORTER * refused.misfit
+            rounding = rejected is not None and misfit > _SHORTER * rejected.misfit
             noisy = noisy + 1 if rounding and _size(point.residual) < _ROUNDING_SHOWS else 0
             if noisy >= _NOISY_STEPS:
                 break
-            refused = _Refused(_norm(step), misfit)
+            rejected = _Rejected(_norm(step), misfit)
             continue
-        refused, noisy = None, 0
+        rejected, noisy = None, 0
         damping *= _DAMPING_SHRINK
         accepted += 1
         # At a solution the Jacobian changes no more.
@@ -187,7 +187,7 @@ def _result(best: _Point, bounds: _Bounds, goal: float, accepted: int, most: int
     lower, upper, units = bounds
     # Fixed entries do not count.
     at_bound = ((best.x <= lower) | (best.x >= upper)) & (lower < upper)
-    # What is 0 to rounding becomes 0: an entry that rests there has no size of its own.
+    # Entries that are 0 up to rounding become 0: an entry at rest there has no size of its own.
     nothing = (np.abs(best.x) <= np.finfo(float).eps * units) & (lower <= 0) & (0 <= upper)
     return Result(
         x=np.where(nothing, 0.0, best.x),
@@ -201,18 +201,18 @@ def _result(best: _Point, bounds: _Bounds, goal: float, accepted: int, most: int
 
 
 def _damp(
-    point: _Point, bounds: _Bounds, damping: float, refused: _Refused | None
+    point: _Point, bounds: _Bounds, damping: float, rejected: _Rejected | None
 ) -> tuple[np.ndarray, float]:
-    """The damped step, clearly shorter than the one refused before it, and its damping."""
+    """The damped step, clearly shorter than the one rejected before it, and its damping."""
     step = _step(point, bounds, damping)
-    while refused and _norm(step) > _SHORTER * refused.step and damping <= _DAMPING_MAX:
+    while rejected and _norm(step) > _SHORTER * rejected.step and damping <= _DAMPING_MAX:
         damping *= _DAMPING_GROW
         step = _step(point, bounds, damping)
     return step, damping
 
 
 def _step(point: _Point, bounds: _Bounds, damping: float) -> np.ndarray:
-    """The shortest damped step, in units; unknowns it would move beyond a bound end on it."""
+    """The shortest damped step, in units; unknowns that would pass a bound end on it."""
     x, residual, jacobian, factors = point
     lower, upper, units = bounds
     damping = damping * _norm(residual)
@@ -236,7 +236,7 @@ def _step(point: _Point, bounds: _Bounds, damping: float) -> np.ndarray:
 
 
 def _factors(jacobian: np.ndarray):
-    """The singular value decomposition, for all dampings that are tried; None where it is NaN."""
+    """The singular value decomposition, which all dampings share; None for a Jacobian with NaN."""
     return np.linalg.svd(jacobian, full_matrices=False) if _finite(jacobian) else None
 
 

@@ -20,22 +20,22 @@ from orbits.shooting.strategy import TIGHT
 _SEGMENT_ROUNDINGS = 64.0
 #: A residual up to this many times the effect of rounding all unknowns cannot be reduced.
 _ROUNDING_FACTOR = 4.0
-#: Decimal digits by which rounding may grow without doubt whether an orbit closes.
+#: Growth of rounding over a period, in decimal digits, up to which an orbit certainly closes.
 _FEW_DIGITS = 12.0
-#: Largest difference of a segment's end by another integrator, over the tolerance and the growth
-#: of errors.
+#: Largest difference between a segment's ends by two integrators, divided by the tolerance and by
+#: the growth of errors.
 _AGREEMENT = 1e5
-#: An iterate whose start is this many times larger than the guess's escapes: far away everything
-#: closes without motion.
+#: An iterate whose start is this many times larger than the guess's has escaped: far away every
+#: state closes for lack of motion.
 _ESCAPE_FACTOR = 100.0
-#: A smaller share of the guessed period, or of how far the guess moves in it, means a trivial
-#: solution.
+#: An iterate is a trivial solution if its period, or the extent of its motion, is a smaller share
+#: than this of the guess's.
 _TRIVIAL_SHARE = 0.02
 _SAMPLES = 64  # samples of each segment, to see how far it moves
 _SAMPLE_RTOL = 1e-12  # tolerance of these samples
 #: A state at rest seems to move by up to this in the samples, in sizes.
 _UNSEEN = 10 * _SAMPLE_RTOL
-#: The least extent that an entry of the state counts as, relative to a guess's largest extent.
+#: The least extent attributed to an entry of the state, relative to a guess's largest extent.
 _LEAST_EXTENT = 1e-9
 
 
@@ -62,7 +62,7 @@ class Trouble:
         if equations.driven:  # the period is that of the drive, and rest is a regular orbit
             return None
         # The path is measured by the rate at the start, which is also small where an orbit is slow
-        # there, as a relaxation oscillation may be. A guess at rest may have one of rounding.
+        # there, as a relaxation oscillation may be. The path of a guess at rest may be rounding.
         slow = path <= max(_TRIVIAL_SHARE * self.path, _UNSEEN)
         if x[-1] < _TRIVIAL_SHARE * self.guess[-1] or (slow and self._is_at_rest(equations, x)):
             return Outcome.TRIVIAL
@@ -89,10 +89,10 @@ def _start_and_rate(equations: Equations, x: Array) -> tuple[Array, Array]:
 
 
 def extents(equations: Equations, x: np.ndarray) -> np.ndarray:
-    """(k,) how far each entry of the state moves from the start at x; NaN where motions end early.
+    """(k,) how far each entry of the state moves from the start at x; NaN if a motion ends early.
 
-    On a mesh the intervals suffice, since they are short where the motion is fast; segments are
-    sampled.
+    On a mesh the starts of the intervals suffice, since these are short where the motion is fast;
+    segments of shooting are sampled.
     """
     here = jax.tree.map(np.asarray, pieces(equations, x))
     if equations.collocated:
@@ -124,7 +124,7 @@ def outcome_of(closed: InUnits, result: Result, trouble: Trouble) -> Outcome:
                 status = closed.status(result.x)
         if int(status) == Status.STEP_LIMIT:
             return Outcome.STEP_LIMIT
-        # At an unstable equilibrium the growth of errors is why there is no residual.
+        # At an unstable equilibrium the residual is not finite because errors grow too much.
         return trouble(equations, result.x) or other
     outcome = trouble(equations, result.x)
     if outcome is not None:
@@ -218,7 +218,7 @@ def orbit_at(
         iterations=iterations,
         rtol=rtol,
         angle=float(unknowns.angle),
-        # The orbit's own: the span in the equations is that of the guess.
+        # Computed along the orbit: the span in the equations is that of the guess.
         s_period=None if equations.s_spans is None else logarithmic_period(scene),
         mesh=equations.shares if equations.collocated else None,
         stiff=equations.stiff,

@@ -23,7 +23,7 @@ MAX_STEPS = 200_000
 
 
 class Limits(NamedTuple):
-    """What ends the integrations of segments early.
+    """The limits at which integrations of segments end early.
 
     Attributes:
       max_steps: largest number of steps of one segment.
@@ -42,11 +42,11 @@ UNTIMED = Limits()
 class OwnNumber:
     """A number of the scene itself as the parameter of a family.
 
-    The scene's other numbers are data then. A function that makes scenes has them as constants of a
-    program, which is compiled again for each of their values.
+    The scene's other numbers then are data of the compiled program. With a function that makes
+    scenes they are constants, and the program is compiled again for each of their values.
 
     Attributes:
-      where: a function from a scene to that number; another function is compiled again.
+      where: a function from a scene to that number; each new function compiles the program again.
     """
 
     where: Callable[[Scene], Any]
@@ -77,7 +77,7 @@ class LinearizedEnd(NamedTuple):
       y1: (k,) the end; NaN if the motion ends early.
       status: () `Status` code.
       steps: () accepted steps.
-      slopes: its derivatives in each field of the segment's inputs.
+      slopes: derivatives of the end with respect to each field of the segment's inputs.
     """
 
     y1: Array
@@ -104,14 +104,14 @@ def end_of(
 
 
 def map_segments(integrate: Callable[[Piece], Any], pieces: Piece):
-    """What a function returns for each segment, stacked; several run at once, on all cores."""
+    """The results of a function for each segment, stacked; several run at once, on all cores."""
     count = len(pieces.span)
-    each = [jax.tree.map(lambda leaf, i=i: leaf[i], pieces) for i in range(count)]
+    inputs = [jax.tree.map(lambda leaf, i=i: leaf[i], pieces) for i in range(count)]
     if count == 1:  # starting a thread takes as long as a few integrations
-        found = [integrate(each[0])]
+        found = [integrate(inputs[0])]
     else:
         with ThreadPoolExecutor(min(count, os.cpu_count() or count)) as threads:
-            found = list(threads.map(integrate, each))
+            found = list(threads.map(integrate, inputs))
     return jax.tree.map(lambda *leaves: np.stack(leaves), *found)
 
 

@@ -18,8 +18,8 @@ from orbits.motion import at_even_s, attracts, quick_solve
 from orbits.shooting.equations import Equations, pieces, sizes_at
 from orbits.shooting.segment import UNTIMED, Limits
 
-#: Largest growth of errors in the start over a motion in one segment: rounding of 1e-16 then stays
-#: well below the goal.
+#: Largest growth of errors of the start over a motion that is one segment: rounding of 1e-16 then
+#: stays well below the goal.
 _GROWTH_MOST = 300.0
 #: Largest growth, up to the end of a segment, of errors made anywhere in it.
 _GROWTH_INSIDE_MOST = 3000.0
@@ -28,7 +28,7 @@ SEGMENTS_MOST = 32
 #: Most segments that a caller may ask for; the equations for the unknowns of all of them form one
 #: matrix.
 _SEGMENTS_GIVEN_MOST = 256
-_NUMBERS = (1, 2, 4, 8, 16, SEGMENTS_MOST)  # numbers of segments; each is compiled once
+_NUMBERS = (1, 2, 4, 8, 16, SEGMENTS_MOST)  # numbers of segments that are tried, few to compile
 #: Other segments are worthwhile if they leave at most this share of the growth of errors.
 _WORTHWHILE = 0.5
 _SAME_CUTS = 0.1  # segments whose lengths differ by less, relatively, count as the same
@@ -49,8 +49,8 @@ def cut_into_segments(
 ):
     """The equations in a number of segments.
 
-    With None there are as many as the growth of errors requires, and at least `least`; one if the
-    time is up before that is known.
+    With `segments=None` there are as many as the growth of errors requires, and at least `least`;
+    if the time is up before that is known, one.
     """
     if equations.collocated:
         if segments is not None:
@@ -74,23 +74,23 @@ def cut_into_segments(
 
 
 def recut(
-    equations: Equations, x: np.ndarray, rtol, each: np.ndarray, growth: float
+    equations: Equations, x: np.ndarray, rtol, entry_sizes: np.ndarray, growth: float
 ) -> Equations | None:
     """The equations in segments over which errors grow less than over the present ones at x (n,).
 
-    The segments are no fewer, and shorter where the motion at x changes faster. None where new
-    segments gain nothing.
+    There are at least as many segments, which are shorter where the motion at x changes faster.
+    None where new segments gain nothing.
 
     Args:
       equations: the equations.
       x: (n,) unknowns.
       rtol: tolerance of the integrations.
-      each: (k,) the sizes of the state's entries, in which errors are measured.
+      entry_sizes: (k,) the sizes of the state's entries, in which errors are measured.
       growth: largest growth of errors over a segment at x.
     """
     if equations.collocated or not growth > _GROWTH_MOST:
         return None
-    maps = _fine_maps(equations, x, rtol, each)
+    maps = _fine_maps(equations, x, rtol, entry_sizes)
     grown = {n: _growth(maps, n) for n in _NUMBERS if n >= equations.segments}
     better = (n for n in grown if grown[n] <= max(_GROWTH_MOST, _WORTHWHILE * growth))
     segments = next(better, None)
@@ -106,7 +106,7 @@ def recut(
 def segments_needed(equations: Equations, x: np.ndarray, rtol, limits: Limits) -> int:
     """Number of segments for which rounding anywhere in a segment grows little up to its end.
 
-    It is the largest number where the time is up before that is known.
+    If the time is up before that is known, it is the largest number.
     """
     maps = _fine_maps(equations, x, rtol, sizes_at(equations, x), limits)
     fits = (n for n in _NUMBERS if _growth(maps, n) <= _GROWTH_INSIDE_MOST)
@@ -114,12 +114,12 @@ def segments_needed(equations: Equations, x: np.ndarray, rtol, limits: Limits) -
 
 
 def _fine_maps(
-    equations: Equations, x: np.ndarray, rtol, each: np.ndarray, limits: Limits = UNTIMED
+    equations: Equations, x: np.ndarray, rtol, entry_sizes: np.ndarray, limits: Limits = UNTIMED
 ) -> np.ndarray:
-    """(n, k, k) derivatives of the ends of `SEGMENTS_MOST` segments in their starts, in sizes."""
+    """(n, k, k) derivatives of the ends of `SEGMENTS_MOST` segments by their starts, in sizes."""
     fine = with_segments(equations, x, rtol, SEGMENTS_MOST)
     found = fine(equations.move_to(x, fine, rtol), rtol, limits).transitions
-    return map_in_units(np.asarray(found), each)
+    return map_in_units(np.asarray(found), entry_sizes)
 
 
 def _growth(maps: np.ndarray, segments: int) -> float:
@@ -128,7 +128,7 @@ def _growth(maps: np.ndarray, segments: int) -> float:
 
 
 def largest(maps: Sequence[np.ndarray] | np.ndarray) -> float:
-    """Largest norm of the derivatives of the last end in the start of each piece (n, k, k)."""
+    """Largest norm of the last end's derivative with respect to any start, from maps (n, k, k)."""
     total, largest = np.eye(len(maps[-1])), 0.0
     for one in maps[::-1]:
         total = total @ one
@@ -159,7 +159,10 @@ def with_segments(equations: Equations, x: np.ndarray, rtol, segments: int) -> E
 
 
 def divide(ts: np.ndarray, weights: np.ndarray, number: int) -> np.ndarray:
-    """(number + 1,) times that divide (n + 1,) times into parts of equal weight, from (n,) > 0."""
+    """(number + 1,) times that divide the range of ts (n + 1,) into parts of equal weight.
+
+    The weights (n,) > 0 are those of the intervals between the ts.
+    """
     grown = np.append(0.0, np.cumsum(weights))
     return np.interp(np.linspace(0.0, grown[-1], number + 1), grown, ts)
 
@@ -195,13 +198,13 @@ def _between_encounters(equations: Equations, scene: Scene, s: float, segments: 
 
 
 @jax.jit
-def _fastest(scene: Scene, ts: Array, ys: Array, each: Array) -> Array:
+def _fastest(scene: Scene, ts: Array, ys: Array, entry_sizes: Array) -> Array:
     """(s,) rates of change along a motion, about the largest eigenvalue of the rate's Jacobian.
 
     The estimate is the fourth root of the norm of the Jacobian's fourth power, in units of the
     sizes (k,) of the entries, which is much cheaper than eigenvalues.
     """
     slopes = jax.vmap(jax.jacfwd(scene.rate, argnums=1))(ts, ys)
-    slopes = slopes * (each[None] / each[:, None])[None]
+    slopes = slopes * (entry_sizes[None] / entry_sizes[:, None])[None]
     fourth = jnp.linalg.matrix_power(slopes, 4)
     return jnp.sqrt(jnp.sqrt(jnp.linalg.norm(fourth, axis=(1, 2))))

@@ -89,7 +89,7 @@ _EXAMPLES = "one of orbits.Shooting(), Descent(), Deflated(known), Collocation()
 
 @dataclasses.dataclass(frozen=True)
 class Search:
-    """What is sought.
+    """A search for an orbit, which a strategy carries out.
 
     Attributes:
       problem: the guess, and bounds on the start and the period.

@@ -6,18 +6,18 @@ flow, and are confirmed in two ways: by these equations on the monodromy matrix 
 vector field f at points off the orbit, where w f = 0 and g commutes with f. (Where M is the unit
 matrix, as for an oscillator, the first test alone would confirm every candidate.)
 
-Where the flow keeps a symplectic form J, M^T J M = J, and each direction confirms another one
+Where the flow preserves a symplectic form J, M^T J M = J, and each direction confirms another one
 (Noether's theorem): from M g = g follows (J^T g) M = J^T g, and from w M = w follows
 M J^-T w = J^-T w. So the flow itself confirms an energy that the scene does not name.
 
 All norms are those of states in units of their sizes along the motion.
 
-In the axes that turn with a relative orbit M turns the momenta into each other, and likewise the
+In the axes that turn with a relative orbit, M rotates the momenta into each other, and likewise the
 translations: they are confirmed together, and have the multipliers exp(+-i angle).
 
 M is split by these directions into blocks. The computed directions are not exactly those of M:
 near an equilibrium rates and gradients are differences of nearly equal numbers. `Split.residual`
-is how far M is from having the blocks, and so the distance of an exact matrix that has them.
+is how far M is from having the blocks: its distance from a matrix that has them exactly.
 """
 
 import contextlib
@@ -38,8 +38,8 @@ from jaxdyn.analysis.monodromy import form_change
 
 #: Relative error to which M must preserve a candidate that is confirmed.
 CONFIRMED = 1e-7
-#: The same for the flow. A field that does not depend on time leaves only the error of M as a
-#: reason why M should not keep its direction, and bars include that (`Split.residual`).
+#: The same for the flow. If the field does not depend on time, M fails to preserve the direction of
+#: the flow only by M's own error, which the error bars include (`Split.residual`).
 _CONFIRMED_FLOW = 1e-4
 _FLOW = "flow"
 #: The same for the vector field off the orbit, where nothing is integrated and errors are rounding.
@@ -49,13 +49,14 @@ RANK = 1e-7
 #: Distances of the points off the orbit, relative to each entry of the start. The nearer ones are
 #: for scenes that are not defined everywhere (negative populations): points with NaN are ignored.
 _DISTANCES_OFF = 0.1, 0.01, 0.001
-#: The least size that an entry of the start counts as, relative to its size along the motion.
+#: The least size attributed to an entry of the start, relative to its size along the motion.
 _LEAST_ENTRY = 0.01
 #: A unit vector nearer than this to the span of others counts as dependent on them.
 _ANOTHER = 1e-4
-#: Relative change of a direction by the rotation of a relative orbit up to which it is rounding.
+#: Relative change of a direction by the rotation of a relative orbit up to which the direction
+#: counts as unchanged.
 _TURNED = 1e-9
-#: Beginning of the names of integrals that a symplectic form makes of symmetries.
+#: Prefix of the names of integrals that follow from symmetries by a symplectic form.
 _BY_FORM = "integral of "
 
 
@@ -92,7 +93,7 @@ class Split(NamedTuple):
       q: (d, p) the other directions in the level set, which have the non-trivial multipliers.
       b: (d, n) directions out of the level set.
       reasons: names of the integrals and symmetries that were confirmed.
-      turned: multipliers of those that were confirmed together.
+      turned: multipliers of the directions that were confirmed together.
     """
 
     a: np.ndarray
@@ -102,7 +103,7 @@ class Split(NamedTuple):
     turned: np.ndarray
 
     def residual(self, m: np.ndarray) -> float:
-        """The norm of what is below the blocks of M, which is zero in exact arithmetic."""
+        """The norm of the part of M below the blocks, which is zero in exact arithmetic."""
         inside = np.hstack([self.a, self.q])
         below = self.b.T @ m @ inside, self.q.T @ m @ self.a
         return float(np.sqrt(sum(np.sum(x * x) for x in below)))
@@ -110,9 +111,9 @@ class Split(NamedTuple):
     def conditions(self, m: np.ndarray, values: np.ndarray) -> np.ndarray:
         """(p,) condition numbers of the eigenvalues (p,) of q^T M q as eigenvalues of M.
 
-        Condition numbers within the block are smaller: a change of M also moves an eigenvalue by
-        way of other blocks. They are infinite for a multiple eigenvalue, and for one that another
-        block has as well.
+        They are larger than the condition numbers within the block, since a change of M also moves
+        an eigenvalue through the other blocks. They are infinite for a multiple eigenvalue, and for
+        one that another block has as well.
         """
         a, q, b = self.a, self.q, self.b
         known, right = np.linalg.eig(q.T @ m @ q)
@@ -143,7 +144,7 @@ class _Confirmed:
         self.names.append(name)
 
     def independent(self, vector: np.ndarray) -> bool:
-        """Whether a vector is not a linear combination of those that are known."""
+        """Whether a vector is not a linear combination of the known ones."""
         unit = vector / np.linalg.norm(vector)
         if self.known:
             of = np.array(self.known)
@@ -153,26 +154,26 @@ class _Confirmed:
 
 @dataclasses.dataclass(frozen=True)
 class Monodromy:
-    """The monodromy matrix of an orbit, with what confirms its directions.
+    """The monodromy matrix of an orbit, with the data that confirm its directions.
 
     Attributes:
       scene: the scene of the orbit.
       m: (d, d) the matrix M in a basis of states in sizes, without NaN.
-      doubt: estimate of the norm of its error.
+      error: estimate of the norm of its error.
       basis: (k, d) that basis, orthonormal.
-      each: (k,) the sizes.
-      ahead: (k,) the state after a period of a relative orbit, or the start of another one.
+      entry_sizes: (k,) the sizes.
+      ahead: (k,) the state one period later for a relative orbit; the start for any other.
       back: (k, k) the map in sizes from states there to states here, the first factor of M; None
         where it is the identity.
-      form: (d, d) a symplectic form that M keeps; None if none is known.
+      form: (d, d) a symplectic form that M preserves; None if none is known.
       along: (k, n) directions along a family, in which M changes by a multiple of symmetries.
     """
 
     scene: Scene
     m: np.ndarray
-    doubt: float
+    error: float
     basis: np.ndarray
-    each: np.ndarray
+    entry_sizes: np.ndarray
     ahead: np.ndarray
     back: np.ndarray | None
     form: np.ndarray | None
@@ -213,15 +214,15 @@ class Monodromy:
 
     def _integrals(self) -> _Confirmed:
         """The integrals' gradients."""
-        scene, each, k = self.scene, self.each, len(self.each)
+        scene, entry_sizes, k = self.scene, self.entry_sizes, len(self.entry_sizes)
         found = _Confirmed([], [], [])
-        leaks = _largest(_leaks, _nearby(scene, each), each)
+        leaks = _largest(_leaks, _nearby(scene, entry_sizes), entry_sizes)
         here = _local_on_host(scene, 0.0, np.asarray(scene.y0)).gradients
         there = here if self.back is None else _local_on_host(scene, 0.0, self.ahead).gradients
         for name, several in here.items():
             leak = leaks[name].reshape(-1)
-            later = there[name].reshape(-1, k) * each
-            for i, w in enumerate(several.reshape(-1, k) * each):
+            later = there[name].reshape(-1, k) * entry_sizes
+            for i, w in enumerate(several.reshape(-1, k) * entry_sizes):
                 row = w @ self.basis
                 same = self.back is None or _is_unturned(w @ self.back, later[i])
                 if leak[i] < _EXACT and same and self._keeps(row @ self.m - row, row):
@@ -235,12 +236,14 @@ class Monodromy:
         found = _Confirmed([], [], [])
         back = self.back
         later = {} if back is None else directions(self.scene, jnp.asarray(self.ahead))
-        for name, move in symmetries(self.scene, self.each).items():
-            g = self.basis.T @ (move / self.each)
+        for name, move in symmetries(self.scene, self.entry_sizes).items():
+            g = self.basis.T @ (move / self.entry_sizes)
             same = (
                 back is None
                 or name not in later
-                or _is_unturned(back @ (np.asarray(later[name]) / self.each), move / self.each)
+                or _is_unturned(
+                    back @ (np.asarray(later[name]) / self.entry_sizes), move / self.entry_sizes
+                )
             )
             within = _CONFIRMED_FLOW if name == _FLOW else CONFIRMED
             if same and self._keeps(self.m @ g - g, g, within):
@@ -253,20 +256,23 @@ class Monodromy:
         """Add directions along a family."""
         rows = np.array([np.zeros(len(self.m)), *moves.known])
         symmetric = np.linalg.pinv(rows, RANK) @ rows
-        for v in (self.basis.T @ (self.along / self.each[:, None])).T:
+        for v in (self.basis.T @ (self.along / self.entry_sizes[:, None])).T:
             change = self.m @ v - v
             if self._keeps(change - symmetric @ change, v):
                 moves.add("family", v)
 
     def _keeps(self, change: np.ndarray, direction: np.ndarray, within: float = CONFIRMED) -> bool:
         size = np.linalg.norm(direction)
-        most = max(within * float(np.linalg.norm(self.m)), ERROR_SAFETY * self.doubt)
+        most = max(within * float(np.linalg.norm(self.m)), ERROR_SAFETY * self.error)
         return bool(size > 0 and np.linalg.norm(change) < most * size)
 
     def _together(
         self, rows: list[np.ndarray], m: np.ndarray
     ) -> tuple[list[np.ndarray], np.ndarray]:
-        """The unit rows and their multipliers if m from the right keeps their span; else none."""
+        """The unit rows and their multipliers if their span is invariant under m; else none.
+
+        The matrix m multiplies rows from the right.
+        """
         if len(rows) > 1:
             a = np.array(rows)
             block = a @ m @ np.linalg.pinv(a, RANK)
@@ -285,17 +291,18 @@ def _is_unturned(a: np.ndarray, b: np.ndarray) -> bool:
 
 
 def count_unnamed(reasons: Iterable[str]) -> int:
-    """Number of confirmed integrals that the scene does not name, but that symmetries imply."""
+    """Number of confirmed integrals that symmetries imply, but that the scene does not name."""
     return sum(name.startswith(_BY_FORM) for name in reasons)
 
 
-def symmetries(scene: Scene, each: np.ndarray) -> dict[str, Any]:
+def symmetries(scene: Scene, entry_sizes: np.ndarray) -> dict[str, Any]:
     """Directions (k,) at the scene's start that commute with the vector field, the flow's first.
 
-    They are tested on the vector field alone. If that depends on time, the flow is not among them.
+    They are tested on the vector field alone. The flow of a field that depends on time is left out.
     """
     y0 = np.asarray(scene.y0)
-    here, leaks = _local_on_host(scene, 0.0, y0), _largest(_commutators, _nearby(scene, each), each)
+    here = _local_on_host(scene, 0.0, y0)
+    leaks = _largest(_commutators, _nearby(scene, entry_sizes), entry_sizes)
     candidates = {_FLOW: here.rate, **here.moves}
     return {name: g for name, g in candidates.items() if leaks[name] < _EXACT}
 
@@ -304,22 +311,24 @@ def _rank(s: np.ndarray) -> int:
     return int((s > RANK * s.max(initial=0.0)).sum())
 
 
-def keeps_form(scene: Scene, each: np.ndarray) -> bool:
-    """Whether the flow keeps the form of the scene's canonical coordinates."""
+def keeps_form(scene: Scene, entry_sizes: np.ndarray) -> bool:
+    """Whether the flow preserves the symplectic form of the scene's canonical coordinates."""
     project = scene.system.project
-    changes = [form_change(scene, t, project(t, y), each) for t, y in _places(scene, each)]
+    changes = [
+        form_change(scene, t, project(t, y), entry_sizes) for t, y in _places(scene, entry_sizes)
+    ]
     # If every change is NaN, nothing is known, and the comparison is False.
     return bool(np.fmax.reduce(changes) < _EXACT)
 
 
-def _nearby(scene: Scene, each: np.ndarray) -> list[_Local]:
+def _nearby(scene: Scene, entry_sizes: np.ndarray) -> list[_Local]:
     """The candidates at a few times and states in general position near the start."""
-    return [_local_on_host(scene, t, y) for t, y in _places(scene, each)]
+    return [_local_on_host(scene, t, y) for t, y in _places(scene, entry_sizes)]
 
 
-def _places(scene: Scene, each: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+def _places(scene: Scene, entry_sizes: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     random, y0 = np.random.default_rng(0), np.asarray(scene.y0)
-    size = np.maximum(np.abs(y0), _LEAST_ENTRY * each)
+    size = np.maximum(np.abs(y0), _LEAST_ENTRY * entry_sizes)
     count = len(_DISTANCES_OFF)
     noise = np.outer(_DISTANCES_OFF, size) * random.standard_normal((count, len(y0)))
     ts = random.uniform(0.0, float(scene.t1), count)
@@ -370,28 +379,30 @@ def _local_on_host(scene: Scene, t, y: np.ndarray) -> _Local:
     return jax.tree.map(np.asarray, _local(scene, np.asarray(t, float), y))
 
 
-def _leaks(at: _Local, each: np.ndarray) -> dict[str, np.ndarray]:
-    """(...) each integral's rate of change over the norms of its gradient and f: 0 if conserved."""
-    size = np.linalg.norm(at.rate / each)
+def _leaks(at: _Local, entry_sizes: np.ndarray) -> dict[str, np.ndarray]:
+    """(...) each candidate's relative rate of change, |w f| / (|w| |f|): 0 if it is conserved."""
+    size = np.linalg.norm(at.rate / entry_sizes)
     return {
-        name: np.abs(at.changes[name]) / (np.linalg.norm(rows * each, axis=-1) * size)
+        name: np.abs(at.changes[name]) / (np.linalg.norm(rows * entry_sizes, axis=-1) * size)
         for name, rows in at.gradients.items()
     }
 
 
-def _commutators(at: _Local, each: np.ndarray) -> dict[str, Any]:
-    """() each direction's commutator with f over the size of its two terms; 0 for a symmetry."""
-    slope, found = np.linalg.norm(at.slope * each / each[:, None]), {}
+def _commutators(at: _Local, entry_sizes: np.ndarray) -> dict[str, Any]:
+    """() each direction's commutator with f, relative to its two terms: 0 for a symmetry."""
+    slope, found = np.linalg.norm(at.slope * entry_sizes / entry_sizes[:, None]), {}
     for name, g in at.moves.items():
         shear = at.shears[name]
-        size = np.linalg.norm(shear / each) + slope * np.linalg.norm(g / each)
-        found[name] = np.linalg.norm((shear - at.slope @ g) / each) / size
-    still = np.linalg.norm(at.still / each) / np.linalg.norm(at.rate / each)
+        size = np.linalg.norm(shear / entry_sizes) + slope * np.linalg.norm(g / entry_sizes)
+        found[name] = np.linalg.norm((shear - at.slope @ g) / entry_sizes) / size
+    still = np.linalg.norm(at.still / entry_sizes) / np.linalg.norm(at.rate / entry_sizes)
     return {_FLOW: still, **found}
 
 
-def _largest(measure: Callable, nearby: list[_Local], each: np.ndarray) -> dict[str, np.ndarray]:
-    """The largest value of each measure over several points, without those where it is NaN."""
+def _largest(
+    measure: Callable, nearby: list[_Local], entry_sizes: np.ndarray
+) -> dict[str, np.ndarray]:
+    """The largest value of a measure for each name over several points, NaN ignored."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        found = [measure(at, each) for at in nearby]
+        found = [measure(at, entry_sizes) for at in nearby]
     return {name: np.fmax.reduce([leaks[name] for leaks in found]) for name in found[0]}
