@@ -27,7 +27,7 @@ from orbits.orbit import Orbit, Outcome
 LAYOUT = Layout("jaxdyn-search", 3, "a search")
 _PATIENCE = 60.0  # [s]; others write for milliseconds
 _ALIKE = 1e-6  # relative: invariants that differ by more belong to different orbits
-_ONE = 1e-8  # relative: starts this close are the same
+_SAME_START = 1e-8  # relative: starts this close are the same
 
 
 @dataclasses.dataclass(frozen=True)
@@ -154,7 +154,8 @@ def distinct(
     for find in finds:
         alike = [k for k in kept if abs(k.invariant - find.invariant) <= _ALIKE * k.invariant]
         if any(
-            np.abs(np.subtract(k.y0, find.y0)).max() <= _ONE * max(map(abs, k.y0)) for k in alike
+            np.abs(np.subtract(k.y0, find.y0)).max() <= _SAME_START * max(map(abs, k.y0))
+            for k in alike
         ):
             continue
         orbit = find.orbit(scene, closings, rtol) if alike else None

@@ -42,7 +42,7 @@ from orbits.discovery.settling import (
 from orbits.discovery.workers import pack, unpack
 
 _PERIODS = 32  # longest cycle that is searched for
-_RETURNS = 4  # numbers of steps of a return that are tried as the period
+_RETURNS = 4  # return times that are tried as the period
 _STEPS = 20  # steps of Newton's method for a cycle
 _EXACT = 1e-9  # largest closing error of a cycle, relative to the sizes
 _CLOUD = 20_000  # points of a chaotic attractor
@@ -228,7 +228,7 @@ class _Iterates(Settling):
         blocks = growth.reshape(_BLOCKS, -1, growth.shape[1]).mean(axis=1)
         exponents = blocks.mean(axis=0)
         bars = _BAR * blocks.std(axis=0, ddof=1) / np.sqrt(_BLOCKS)
-        # Where volumes are kept, nothing attracts; where a map is not invertible, they may grow.
+        # Where volumes are preserved, nothing attracts; in a map that folds they may grow.
         kept = abs(exponents.sum()) <= CONTRACTS * np.abs(exponents).max()
         if not exponents[0] - bars[0] > np.finfo(float).eps or (kept and len(exponents) > 1):
             return None
