@@ -204,7 +204,7 @@ class ClosingEquations:
         )
 
     def spread(self) -> np.ndarray:
-        """(k, m) the map from the closing error's entries to the end's difference from that point.
+        """(k, m) the map from the closing error to the end minus its `_nearest` point.
 
         For a reversal it is known up to factors: a pair of entries that are exchanged has one
         equation.

@@ -102,7 +102,8 @@ def _energy(system: ClosingEquations, energy, start: list, digits: int) -> str:
 
 def _multipliers(matrix: arb_mat, digits: int) -> tuple:
     """The non-trivial multipliers and their rotation numbers as decimal strings."""
-    # A pair 1 +- e adds e^2 to a remainder, so digits beyond those of doubles have to count.
+    # A pair of multipliers 1 +- e changes the remainder by e^2 only, so the tolerance has to be far
+    # below the rounding of doubles.
     unit = multipliers.multiplicity(matrix, 10.0 ** -(digits / 2))
     exact = midpoints(matrix)
     coefficients = [c.mid() for c in multipliers.deflate(exact, unit)]
@@ -161,7 +162,7 @@ def solve(system: ClosingEquations, digits: float) -> tuple[list[arb], float]:
 def _step(
     system: ClosingEquations, numbers: list[arb], inverse: arb_mat, digits: float
 ) -> tuple[list[arb], float]:
-    """The numbers after a step of Newton's method, and the number of digits that it left."""
+    """The numbers after a step of Newton's method, and the number of correct digits before it."""
     with precision(bits_of(digits)):
         numbers = _at_precision(system, numbers)
         end = _motion(system, numbers, digits, slopes=False)

@@ -67,7 +67,7 @@ def multiplicity(matrix: arb_mat, error: float) -> int:
 
 
 def roots(coefficients: list[arb], error: arb | None = None) -> list[acb]:
-    """Enclosures of one root each, to an error; [] if roots cannot be separated."""
+    """An enclosure of each root, no wider than `error`; [] if roots cannot be separated."""
     if len(coefficients) < 2:
         return []
     polynomial = acb_poly(coefficients)

@@ -1,4 +1,4 @@
-"""What the flow about an orbit is proved to keep, and the multipliers that this prescribes.
+"""What the flow about an orbit is proved to conserve, and the multipliers that this prescribes.
 
 Let W be gradients w_i of integrals at the start, independent, and g_j independent directions in
 their common kernel. If the monodromy matrix M takes the span of the w_i to itself from the right,
@@ -260,7 +260,7 @@ def forms_of(system: ClosingEquations) -> list[np.ndarray]:
     if not slopes:
         return []
     above = np.triu_indices(k, 1)
-    # What is kept is found in the sizes of the entries, and recognised in their units.
+    # Forms are found for entries scaled by their sizes, and recognised for unscaled ones.
     null = np.array(
         [form[above] for form in invariant_forms([map_in_units(x, each) for x in slopes])]
     )
