@@ -72,9 +72,9 @@ def differentiable(scene: Any, orbit: Any, *, hold: Hold = ()) -> Any:
       Where numbers are traced, and are not those with which the orbit was found, all results are
       NaN: find it again, outside of the transformation. Derivatives are accurate to rounding times
       the growth of errors over the orbit: that of the figure-eight's period by a mass to 1e-11,
-      compared with differences of order 6. A branch point has a derivative with respect to numbers
-      that do not break it, because of a symmetry; this is not verified, except by `design`, which
-      finds it again. Chains have no derivatives of their special points.
+      compared with differences of order 6. A branch point has derivatives only with respect to
+      numbers that preserve it, as they do if they preserve a symmetry; this is not verified, except
+      by `design`, which finds it again. Chains have no derivatives of their special points.
       `jaxdyn.continuation.differentiable` has an example of a Hopf point.
     Example:
       >>> import equinox as eqx, orbits

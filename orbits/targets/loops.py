@@ -299,7 +299,7 @@ def _check_law(law, **numbers) -> None:
 
 def _start(law: CentralForce, depth: float, r: float, m: float):
     """The scene from its farthest point, and the time to the nearest one."""
-    way = scenes.apsides(law, depth, r, m)
-    speed = float(way.momentum) / (m * r)
-    half = float(way.time)
+    apsides = scenes.apsides(law, depth, r, m)
+    speed = float(apsides.momentum) / (m * r)
+    half = float(apsides.time)
     return scenes.central_orbit(law, r=r, speed=speed, m=m, t1=2 * half), half
