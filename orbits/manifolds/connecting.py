@@ -92,7 +92,7 @@ def connect(
         if make is not None or parameter is not None:
             remedy = "They are connected at each value of it."
             raise _checks.fail("make", "none for orbits", "one", remedy)
-        asked = OrbitOptions(
+        options = OrbitOptions(
             until=until,
             crossings=crossings if isinstance(crossings, tuple) else (crossings, crossings),
             branch="both" if branch is None else branch,
@@ -103,7 +103,7 @@ def connect(
             segments=segments,
             rtol=rtol,
         )
-        return connect_orbits(a, b, asked)
+        return connect_orbits(a, b, options)
     if until is not None:
         raise _checks.fail("until", "none for equilibria", "a section", "Leave it out.")
     branch = "+" if branch is None else branch

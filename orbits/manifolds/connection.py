@@ -11,7 +11,7 @@ from jaxdyn._doors import renamed
 from jaxdyn.status import Code
 from orbits.orbit import Orbit
 
-_SAME = 1e-6  # ends that are nearer than this share of the largest entries on the way are one
+_SAME = 1e-6  # ends closer than this share of the largest entries of the motion are the same
 
 
 class ConnectionOutcome(Code):
