@@ -38,7 +38,7 @@ def orbit_page(orbit: Orbit | HybridOrbit, path=None) -> PlayerPage:
     chain = isinstance(orbit, HybridOrbit)
     scene = _scene_of_chain(orbit) if chain else orbit.scene
     name = _text.title_of(scene).replace("_", " ")
-    # A chain starts at an event; a start aside may be beyond it.
+    # A chain starts at an event; a start beside it may lie beyond the event.
     return write_page(
         Choices({"": scene}, whole=True),
         path,
@@ -127,7 +127,7 @@ def _numbers(entries: Sequence[Entry]) -> list[str]:
 
 
 def _with_special(members: Sequence[Entry], special: Sequence[Entry]) -> list[Entry]:
-    """The members with each special point between the two to which it is the least detour."""
+    """The members, with each special point inserted where it is the least detour."""
     found = [*members]
     points = np.array([_place(entry) for entry in [*members, *special]])
     points = np.nan_to_num(points)  # a family without a parameter or energy has NaN throughout
@@ -145,7 +145,7 @@ def _with_special(members: Sequence[Entry], special: Sequence[Entry]) -> list[En
 
 
 def _place(entry: Entry) -> list[float]:
-    """The coordinates of an orbit among those of its family."""
+    """The numbers by which an orbit is placed among those of its family."""
     return [entry.parameter, entry.energy, entry.orbit.period, *np.asarray(entry.orbit.y0).tolist()]
 
 

@@ -32,7 +32,7 @@ from orbits.hybrid.legs import HybridOrbit
 
 _SAMPLES = 600
 _RTOL = 1e-10
-_BACK = 1e-6  # a state that differs by less from the start, in sizes, is the start
+_BACK = 1e-6  # a state that differs from the start by less, in sizes, has returned to it
 _FEW_STEPS = 5000
 _PANEL = 4.6  # inches wide
 _COLUMNS = 4  # most panels in a row

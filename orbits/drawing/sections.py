@@ -18,7 +18,7 @@ from orbits.sections.coordinates import entry
 from orbits.sections.tables import SectionPoints
 
 _PANEL, _ABOVE = 4.4, 0.7  # inches
-_GRID = 300  # points each way, for the edge of the allowed region
+_GRID = 300  # points in each direction, for the edge of the allowed region
 _MARGINS = 0.1 * 1.5 ** np.arange(9)  # margins of a box around the points, relative to its size
 #: An extent below these shares of the position of the points, and of entries with the same unit, is
 #: rounding.
@@ -35,8 +35,8 @@ def section(
 ) -> Figure:
     """A picture of the crossings of a section: a dot for each, in one colour for each start.
 
-    Where all starts have one energy, and it determines the state at a point of the section, the
-    edge of the region that it allows is drawn.
+    Where all starts have the same energy, and this determines the state at a point of the section,
+    the edge of the energetically allowed region is drawn.
 
     Args:
       points: what `orbits.section` returned, or several of them, drawn side by side.
@@ -103,7 +103,7 @@ def _extent(table: SectionPoints) -> tuple[np.ndarray, ...]:
 
 
 def _one_energy(table: SectionPoints) -> float | None:
-    """The energy that all starts have; None if there is none."""
+    """The common energy of all starts; None if there is none."""
     known = np.isfinite(table.energies) & (table.counts > 0)
     if not known.any():
         return None
