@@ -133,8 +133,8 @@ def places(drawn: Paths) -> np.ndarray:
 def in_time(drawn: Paths, count: int) -> np.ndarray:
     """(count,) indices of the samples nearest to evenly spaced times."""
     wanted = np.linspace(drawn.ts[0], drawn.ts[-1], count)
-    way = 1.0 if drawn.ts[-1] >= drawn.ts[0] else -1.0
-    after = np.clip(np.searchsorted(way * drawn.ts, way * wanted), 1, len(drawn.ts) - 1)
+    sign = 1.0 if drawn.ts[-1] >= drawn.ts[0] else -1.0
+    after = np.clip(np.searchsorted(sign * drawn.ts, sign * wanted), 1, len(drawn.ts) - 1)
     nearer = np.abs(drawn.ts[after - 1] - wanted) < np.abs(drawn.ts[after] - wanted)
     return after - nearer
 

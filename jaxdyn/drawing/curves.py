@@ -72,10 +72,10 @@ def states(piece: Trajectory, count: int, pieces: int) -> tuple[np.ndarray, np.n
 def quantities(
     piece: Trajectory, count: int, pieces: int, of: Callable[[Scene, Array, Array], dict]
 ) -> dict[str, np.ndarray]:
-    """Quantities (s,) by name at the times of `states`, each a polynomial as the states are.
+    """Quantities (s,) by name at the times of `states`, interpolated as the states are.
 
-    Not those of the states on the curve: where forces are large, a conserved energy would differ
-    between the samples by the errors of these.
+    They are not evaluated at the interpolated states: where forces are large, the errors of these
+    would make a conserved energy vary between the samples.
     """
     ts, ys = np.asarray(piece.ts[:count]), np.asarray(piece.ys[:count])
     found = _derivatives(piece.scene, ts, ys, of)
@@ -97,7 +97,7 @@ def _refine(ts: np.ndarray, known: tuple[np.ndarray, ...], parts: int):
     h = np.diff(ts)[:, None]
     start, bend, step = h * v[:-1], h**2 * a[:-1] / 2, np.diff(y, axis=0)
     miss = step - start - bend, h * v[1:] - start - 2 * bend, h**2 * a[1:] / 2 - bend
-    # The polynomial of degree 5 from the errors, at the end, of the one of degree 2.
+    # The polynomial of degree 5 corrects that of degree 2 by its errors at the end.
     cubic = 10 * miss[0] - 4 * miss[1] + miss[2]
     quartic = -15 * miss[0] + 7 * miss[1] - 2 * miss[2]
     quintic = 6 * miss[0] - 3 * miss[1] + miss[2]

@@ -105,8 +105,8 @@ def _functions(scene: Scene, names: Sequence, entries: dict) -> dict[str, Callab
 def _panels(scene: Scene, names: Sequence[str]) -> dict[str, str]:
     """The panel of each quantity by name; raises for the name of an energy if there is none.
 
-    That of an entry is its unit as the system says it: in a scene without units positions and
-    velocities still get separate panels.
+    The panel of an entry is the unit that the system gives it, so that positions and velocities
+    have separate panels even in a scene without units.
     """
     labels = dict(scene.system.labels())
     asked = {*NAMES} & {*names} - {*labels}
