@@ -143,7 +143,7 @@ def build(name: str, settings: Mapping[str, str]) -> Scene:
 
 
 def build_smooth(name: str, settings: Mapping[str, str], t1=None) -> Scene:
-    """The same for what follows a motion without phases, which is checked up to t1, or in its span.
+    """The scene of `build`, if its motion stays in one phase up to t1, or in its span.
 
     Raises:
       ValueError: see `build`; or the motion leaves the phase in which it begins.
