@@ -102,7 +102,7 @@ def _columns(before: str, body: str) -> tuple[list[float], list[list[float]]]:
 
 
 def _blocks(body: str) -> tuple[list[float], list[list[float]]]:
-    """Times and states from blocks of lines that begin with a date and go on with X = ...
+    """Times and states from blocks of lines that begin with a date, followed by X = ...
 
     With "Vector table labels" off, the X = is missing.
     """

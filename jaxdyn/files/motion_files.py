@@ -141,7 +141,7 @@ def _first(piece: Trajectory) -> Trajectory:
 def _leaves(scene: Scene) -> dict[str, Any]:
     """The numbers of a scene by their places in it, such as "scene.system.m"."""
     found, _ = jax.tree_util.tree_flatten_with_path(scene)
-    return {f"scene{jax.tree_util.keystr(way)}": x for way, x in found}
+    return {f"scene{jax.tree_util.keystr(keys)}": x for keys, x in found}
 
 
 def _record(piece: Trajectory) -> dict[str, Any]:

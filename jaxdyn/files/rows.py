@@ -23,8 +23,8 @@ from jaxdyn.files.digests import DAMAGED
 from jaxdyn.files.journal import Journal
 from jaxdyn.files.layout import Layout
 
-_PATIENCE = 0.0  # [s] for another program that writes the file: it would go on for long
-#: Where an object is in memory, which the texts of some programs say.
+_PATIENCE = 0.0  # [s] to wait for another program that writes the file, which may take long
+#: The address of an object in memory, which the texts of some programs contain.
 _ADDRESS = re.compile(r"0x[0-9a-f]+")
 _ANOTHER = "Give another path, or delete the file."
 

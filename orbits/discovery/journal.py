@@ -25,7 +25,7 @@ from orbits.closing.closings import Closing
 from orbits.orbit import Orbit, Outcome
 
 LAYOUT = Layout("jaxdyn-search", 3, "a search")
-_PATIENCE = 60.0  # [s]; others write for milliseconds
+_PATIENCE = 60.0  # [s] to wait for other programs, each of which writes for milliseconds
 _ALIKE = 1e-6  # relative: invariants that differ by more belong to different orbits
 _SAME_START = 1e-8  # relative: starts this close are the same
 
