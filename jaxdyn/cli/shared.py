@@ -32,7 +32,7 @@ BEGAN = time.perf_counter()  # when the command line began to load: libraries ta
 FAILED = 1  # exit code: what was sought is not found
 INTERRUPTED = 130  # exit code: Ctrl-C, as in shells
 PIPE_CLOSED = 1  # exit code: the reader has closed the pipe; that of Typer
-_RARELY = 100_000, 20, 50  # objects made, and collections, between two collections
+_RARELY = 100_000, 20, 50  # thresholds of the garbage collector for its three generations
 #: Raised for a wrong option or argument; typer exports only a subclass.
 _Usage: type[Exception] = typer.BadParameter.__bases__[0]
 
