@@ -404,9 +404,9 @@ def impact_oscillator(
     """A driven mass on a spring that hits a stop on its right.
 
     Its rate does not include the stop: `phases_of` has its motion from impact to impact, for
-    `jaxdyn.integrate.phases.simulate_phases`. Without impacts it oscillates with the amplitude F /
-    sqrt((k - m w^2)^2 + (c w)^2), and it grazes a stop at this distance. Shaw and Holmes (1983), J.
-    Sound Vib. 90, 129; Nordmark (1991), J. Sound Vib. 145, 279.
+    `jaxdyn.integrate.phases.simulate_phases`. Without impacts it oscillates with the amplitude
+    F / sqrt((k - m w^2)^2 + (c w)^2), and it grazes a stop at this distance. Shaw and Holmes
+    (1983), J. Sound Vib. 90, 129; Nordmark (1991), J. Sound Vib. 145, 279.
 
     Args:
       m: mass [kg].

@@ -217,7 +217,7 @@ def _quarters(scene: Scene, stick: Sideways, margin: float) -> dict[str, Phase]:
 
 
 class Leaves(Event):
-    """A particle reaches a distance [m] from the origin on its direction outwards."""
+    """A particle reaches a distance [m] from the origin on its way outwards."""
 
     far: Array
 
