@@ -51,11 +51,11 @@ from orbits.shooting.finding import find
 _RTOL = 1e-8
 #: Relative to the sizes of the entries: how close a return must be to be tried as a period.
 _RETURNED = 0.03
-_SAMPLES = 4000  # samples of a motion in which returns are sought, and of an orbit
+_SAMPLES = 4000  # samples of a motion that is searched for returns, and of an orbit
 _PERIODS = 16  # longest orbit that is searched for, in periods of the forcing
 _CLOUD = 20_000  # points of a chaotic attractor
 _LARGER = 2.0  # a motion whose second half is larger than its first by this factor is unbounded
-_EXPONENT_SPANS = 10.0  # spans of the exponents of a chaotic motion
+_EXPONENT_SPANS = 10.0  # number of spans over which the exponents of a motion are computed
 _SIZED = 8  # motions whose extent determines the sizes of the entries
 
 
@@ -88,9 +88,9 @@ def basins(
       rtol: relative tolerance of a step.
       path: file (.jsonl) to which the ends of motions are written as they are computed; the same
         call resumes from it where it was interrupted, with the same result.
-      executor: runs the motions of a round, 16 384 at a time: processes, or Dask's, on several
-        machines. It is sent the scene, whose functions must then be module-level. By default they
-        run here, on all cores.
+      executor: runs the motions of a round, 16 384 at a time, in processes or, with Dask's, on
+        several machines. It is sent the scene, whose functions must then be module-level. By
+        default they run here, on all cores.
       progress: show a bar of the motions that run here.
     Returns:
       Labels, verified attractors, fractions with bars.
@@ -137,7 +137,7 @@ def _period(scene: Scene, period: float | None) -> float | None:
 
 
 def _states_after(scene: Scene, span, rtol: float, progress: bool, y0s: np.ndarray) -> np.ndarray:
-    """(n, k) states after a round from starts; called by an executor, too."""
+    """(n, k) states at the end of a round from these starts; an executor may call this."""
     done = engine.run(unpack(scene), y0s, span, rtol=rtol, progress=progress)
     return np.where(np.asarray(done.ok)[:, None], done.y1, np.nan)
 
@@ -182,7 +182,7 @@ class _Motions(Settling):
             if np.isfinite(rest).all() and self.apart(rest[None], y)[0] < NEWTON:
                 known = [a.points for a in self.attractors if a.kind == EQUILIBRIUM]
                 if any(self.apart(points, rest)[0] < REACHED for points in known):
-                    return None  # it is still on its way
+                    return None  # a known attractor that the motion still approaches
                 near = jaxdyn.linearize(scene, rest)
                 if near.verdict == "stable" and near.portrait != "centre":
                     real = np.asarray(near.eigenvalues).real
@@ -196,7 +196,7 @@ class _Motions(Settling):
             if orbit.ok and self.apart(np.asarray(orbit.y0)[None], y)[0] < NEWTON:
                 orbits = [a for a in self.attractors if a.kind == ORBIT]
                 if any(self.is_near(a, np.asarray(orbit.y0)[None])[0] for a in orbits):
-                    return None  # it is still on its way
+                    return None  # a known attractor that the motion still approaches
                 known = stability(orbit)
                 size = np.abs(np.asarray(known.nontrivial))
                 # Only the flow has a multiplier of 1: the orbit is not one of a family.
@@ -218,7 +218,7 @@ class _Motions(Settling):
         return Attractor(ORBIT, points, orbit, exponents, bars / size / period)
 
     def _return_time(self, scene: Scene, y: np.ndarray) -> float | None:
-        """The time after which a motion first returns, if it does."""
+        """The time after which a motion first returns; None if it does not."""
         if self.drive_period is not None:
             ts = self.drive_period * np.arange(1, _PERIODS + 1)
             motion = jaxdyn.simulate(scene, ts[-1], samples=ts, throw=False)

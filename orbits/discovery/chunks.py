@@ -30,7 +30,7 @@ from orbits.motion import gravitates, quick_solve
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting.finding import find
 
-#: An orbit is verified if another integrator's closing error, over its size, is below this.
+#: An orbit is verified if its closing error by another integrator is below this, in sizes.
 VERIFIED = 1e-7
 _GOAL = 1e-10  # Newton's method continues to rounding, which for some orbits is no lower
 _ITERATIONS = 15  # five suffice from a refined guess; more mean that there is no orbit
@@ -86,12 +86,12 @@ class Starts:
 
 
 def keep(orbit: Orbit) -> Orbit:
-    """The orbit."""
+    """The orbit, unchanged."""
     return orbit
 
 
 def no_label(orbit: Orbit) -> str:
-    """No label."""
+    """An empty label."""
     del orbit
     return ""
 
@@ -260,7 +260,7 @@ def _verify(plan: Plan, sample: int, orbit: Orbit) -> Find | None:
         return None
     try:
         label = plan.label(orbit)
-    except IntegrationError:  # a collision too close for its tolerance
+    except IntegrationError:  # the label's integration fails at a near collision
         return None
     return Find(
         sample=sample,

@@ -1,9 +1,9 @@
 """The file of a search: the results of each chunk, one line of JSON per chunk.
 
 The first line describes the search; each other line is the result of one chunk, written and
-flushed to disk at once. So a reader sees whole lines, an incomplete last line is ignored, and a
-search continues where its file ends, in whatever order chunks come. Several programs may write one
-file. Each line ends with a digest of the rest: a file that was edited is refused.
+flushed to disk at once. A reader therefore sees whole lines; an incomplete last line is ignored. A
+search continues where its file ends, in whatever order the chunks were written. Several programs
+may write one file. Each line ends with a digest of the rest: a file that was edited is refused.
 """
 
 import dataclasses
@@ -135,7 +135,7 @@ def read(path: str | Path) -> tuple[dict[str, Any], list[Chunk]]:
 
 
 def _chunks(records: list[dict[str, Any]]) -> dict[int, Chunk]:
-    """The chunks of lines by number, the first one of each."""
+    """The chunks in the lines of a file by number; of several with one number, the first."""
     found = [decode(record, Chunk, "path", DAMAGED, lines=True) for record in records]
     for find in (find for chunk in found for find in chunk.finds):
         if not (np.isfinite([*find.y0, find.period]).all() and find.closing in (0, 1)):

@@ -66,7 +66,7 @@ def search_near(
         scene's own motion in its span, or in another span if that is much shorter or longer than a
         turn of the motion.
       closing: see `find`.
-      energy: that of the orbit; None for any.
+      energy: energy of the orbit; None for any.
       hold: names of entries of the scene's start that the orbit's start keeps.
       strategy: see `find`.
       segments: see `find`.
@@ -101,7 +101,7 @@ def search_near(
     if period is not None:
         orbit = near(None, period)
     else:
-        # A reversal needs a start that it leaves fixed, such as the scene's own may be.
+        # A reversal needs a start that it leaves fixed, as the scene's own start may be.
         movable = not hold and not isinstance(several[0], Reversal)
         # First the scene's own start is tested, which may be periodic already; an orbit that is
         # deflated does not count.
@@ -252,7 +252,7 @@ def _spans(scene: Scene) -> Iterator[float]:
 
 
 def _steps(scene: Scene, span: float) -> int:
-    """Steps of a motion over a span, or more than the limit; 0 where it fails.
+    """Number of steps of a motion over a span, at most twice `_MOST_STEPS`; 0 where it fails.
 
     Where the motion is stiff, they are those of the stiff method: those of an explicit one indicate
     the rate of decay, and not the turns.

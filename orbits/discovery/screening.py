@@ -90,7 +90,7 @@ class Beyond(eqx.Module):
     limit: Array
 
     def __call__(self, t: Array, y: Float[Array, " k"]) -> Array:
-        """() bool."""
+        """() whether some entry is beyond its limit."""
         del t
         return (jnp.abs(y) > self.limit).any()
 
@@ -153,7 +153,7 @@ def sizes_of_starts(scene: Scene, y0s, longest: float) -> np.ndarray:
 
     Args:
       scene: the scene.
-      y0s: (n, k) starts of the motions; of their sizes each entry has the median, which single
+      y0s: (n, k) starts of the motions. The result is the median of their sizes, which single
         starts far away or near a collision hardly change.
       longest: longest period.
     """
@@ -170,7 +170,7 @@ def _at_starts(scene: Scene, y0s: Array, span: Array) -> Array:
 
 
 def refine(scene: Scene, closing: Closing, guesses: Guesses, each: np.ndarray) -> Guesses:
-    """The guesses that Newton's method moves close to an orbit, refined; `each` has the sizes."""
+    """Refined guesses, of those that Newton's method moves close to an orbit; `each`: sizes."""
     blocks = [
         _refine_block(scene, closing, guesses.take(slice(i, i + _BLOCK)), each)
         for i in range(0, len(guesses.index), _BLOCK)
@@ -195,7 +195,7 @@ def _refine_block(scene: Scene, closing: Closing, guesses: Guesses, each: np.nda
         busy = np.isfinite(norm) & (np.abs(f).max(axis=1) > _SOLVED) & (damping < _HOPELESS)
         if not busy.any():
             break
-        new = np.full_like(x, np.nan)  # finished guesses cost nothing
+        new = np.full_like(x, np.nan)  # NaN for finished guesses, which then cost nothing
         steps = _steps(f[busy], jac[busy] * units[busy, None], (damping * norm)[busy])
         new[busy] = x[busy] + steps * units[busy]
         new_f, new_jac = batch(new, base)
@@ -231,7 +231,7 @@ class _Batch(NamedTuple):
     each: np.ndarray  # (k,) sizes of the entries of a state, in which residuals are measured
 
     def starts(self, x: np.ndarray, base: np.ndarray) -> np.ndarray:
-        """(b, k)."""
+        """(b, k) starts of the guesses."""
         return np.asarray(_starts(self.scene.system, self.closing, x[:, :-1], base))
 
     def path(self, x: np.ndarray, base: np.ndarray) -> np.ndarray:
@@ -276,7 +276,7 @@ def _speeds(scene: Scene, y0s: Array, each: Array) -> Array:
 def _residual(
     scene: Scene, closing: Closing, rows: Array, ends: Array, starts: Array
 ) -> tuple[Array, Array]:
-    """The residual of the closing condition, and its derivative by the end time."""
+    """The residual of the closing condition, and its derivative with respect to the end time."""
 
     def one(end, start):
         rate = scene.rate(jnp.zeros(()), end)
