@@ -77,11 +77,11 @@ _REMEDY = "The rate may depend on time t by sines and cosines of w t + c with on
 
 
 def drive_period(formulas: Formulas, period: float) -> tuple[float, int]:
-    """(w, n) such that 2 pi n / w is exactly a period of the rate, and nearly the float given.
+    """(w, n) such that 2 pi n / w is exactly a period of the rate, and close to the given float.
 
     Raises:
-      ValueError: time occurs otherwise than in sines and cosines of w t + c with a known float w,
-        or `period` is not a multiple of the common period.
+      ValueError: time occurs other than in sines and cosines of w t + c with a known float w, or
+        `period` is not a multiple of the common period.
     """
     frequencies = {abs(w) for w in _frequencies(formulas)}
     if not frequencies:

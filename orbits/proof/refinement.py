@@ -44,8 +44,8 @@ def refine(orbit: Orbit, digits: int = 50) -> Refined:
 
     They are found by Newton's method on the closing equations (see `closing_equations` in the same
     folder), with a Jacobian in doubles as long as that gains digits in each step, and in full
-    precision where it does not. Every number of the scene stands exactly for its binary float; so
-    do the entries that are held.
+    precision where it does not. Every number of the scene is taken to be its binary float exactly,
+    and so are the entries that are held.
 
     Args:
       orbit: what `find` returned.
@@ -124,7 +124,7 @@ def _multipliers(matrix: arb_mat, digits: int) -> tuple:
 
 
 def _lost_beside(z, found: list) -> int:
-    """The digits that a multiplier loses beside another one that it nearly meets."""
+    """The number of digits that a multiplier loses because it nearly meets another one."""
     apart = min((float(abs(z - other)) for other in found if other is not z), default=1.0)
     return _SPARE - math.floor(math.log10(apart)) if 0 < apart < NEAR else 0
 

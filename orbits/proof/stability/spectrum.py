@@ -1,6 +1,6 @@
-"""Linear stability as a theorem: enclosures of the multipliers that are not 1 by the theory.
+"""Linear stability as a theorem: enclosures of the multipliers that theory does not fix.
 
-`structure` says which multipliers are 1, or turn as a relative orbit does.
+`structure` says which multipliers are 1, or exp(+-i a) for a relative orbit with the angle a.
 
 That multipliers are on the unit circle is proved as follows. If M is symplectic, or similar to its
 inverse by a reversal of the orbit, then with a multiplier z there is 1 / conj z, with the same
