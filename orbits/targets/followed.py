@@ -75,8 +75,8 @@ class Asked:
     """A function of what is followed.
 
     Attributes:
-      name: the argument by which it was given, for messages.
-      function: returns numbers, or one.
+      name: the argument that gave the function, for messages.
+      function: returns a number, or numbers (m,).
     """
 
     name: str
@@ -108,7 +108,7 @@ class Followed(abc.ABC):
         """
 
     def move(self, here: "At", numbers: np.ndarray, asked: Asked) -> "At | None":
-        """The state at other parameters; None if nothing is found there, or has no derivatives."""
+        """The state at other parameters; None if none is found, or one without derivatives."""
         step = numbers - here.numbers
         guess = jax.tree.map(lambda x, slope: np.asarray(x + slope @ step), *here.places)
         try:

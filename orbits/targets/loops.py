@@ -30,7 +30,7 @@ from orbits.shooting.finding import find
 #: 1e-74.
 _DEPTHS = np.concatenate([[1e-7], np.geomspace(1e-3, 170.0, 60)])
 _SAME = 1e-9  # if angles over pi differ by less, they are equal, and all shapes close
-_ANY = 0.8  # the depth that is used then
+_ANY = 0.8  # the depth that is used where all shapes close
 _SIMPLE = 100  # largest number of loops tried where every shape closes
 
 
