@@ -65,9 +65,10 @@ def connect(
     Returns:
       The motion, the parameter with its error, and an outcome.
     Raises:
-      ValueError: `a` or `b` is not an equilibrium, `a` has not exactly one unstable eigenvalue, `b`
-        has no stable one, `make` and `parameter` are not given together, or a number is out of
-        range; the orbits have different energies, or connections of them are not isolated.
+      ValueError: `a` or `b` is not an equilibrium, `a` does not have exactly one unstable
+        eigenvalue, `b` has no stable one, `make` and `parameter` are not given together, or a
+        number is out of range; the orbits have different energies, or connections of them are not
+        isolated.
       SearchError: the wanted error is not reached beside an orbit.
     Limits: host only; autonomous scenes without constraints. The connection found is the one
       nearest to the closest approach of strands; others may exist.

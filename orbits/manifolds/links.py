@@ -20,7 +20,7 @@ from jaxdyn.continuation import newton
 from orbits.motion import quick_solve
 
 _NEWTON_STEPS, _HALVINGS = 30, 9
-_GOAL = 1e-12  # largest gap, in units of the largest entry of the states in sizes, or 1
+_GOAL = 1e-12  # largest gap, relative to the largest scaled entry of the states, or to 1
 _DEPENDENT = 1e-11  # smallest over largest singular value below which equations are dependent
 
 
