@@ -185,7 +185,7 @@ def draw_stretches(
       found: result of `stretches`.
       place: point -> where it is in the picture.
       name: the name in the legend, with {} for the verdict.
-      look: what they have in common.
+      look: Matplotlib properties that all of them have.
     """
     lines = smooth(ax, [[place(x) for x in points] for _, points, _ in found])
     for (verdict, _, shown), line in zip(found, lines, strict=True):
@@ -271,9 +271,9 @@ def with_special(points: Sequence, special: Sequence, place: Callable[[Any], Any
 
 
 def _criticality(one, two) -> str:
-    """The criticality of two neighbouring Hopf points; "" if neither has one.
+    """The criticality of two neighbouring points; "" if neither has one.
 
-    Special points between them have none, nor have points of curves of orbits.
+    Only Hopf points have one, except for special points between them.
     """
     return getattr(one, "criticality", "") or getattr(two, "criticality", "")
 

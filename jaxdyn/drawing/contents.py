@@ -1,7 +1,7 @@
 """The contents of a picture of a motion: paths of points, and moving shapes.
 
-They are plain arrays for any drawing library, that of the pictures and animations here or that of a
-page in a browser. The look of a scene is defined by `System.sketch` and `Effect.sketch`.
+They are plain arrays for any drawing library: Matplotlib for pictures and animations, or the one of
+a page in a browser. The look of a scene is defined by `System.sketch` and `Effect.sketch`.
 """
 
 import re
@@ -68,7 +68,7 @@ def paths(motion: Trajectory | HybridTrajectory, entries: Sequence[str] | None =
       motion: result of `simulate` or `simulate_phases`.
       entries: names of two or three entries of the state that are drawn instead.
     Raises:
-      ValueError: `motion` is a batch, or has nothing to draw, or `entries` are others.
+      ValueError: `motion` is a batch or has nothing to draw, or `entries` are not such names.
     """
     pieces = pieces_of(motion)
     which = [indices_of(entries, piece.scene) for piece in pieces]

@@ -24,7 +24,7 @@ CURVE_SAMPLES = 2000  # number of samples with which a curve looks smooth in a p
 
 
 class Outline(NamedTuple):
-    """The identity of a shape of a scene: kind, name, corners (m, k), number among its equals."""
+    """The identity of a shape of a scene: kind, name, corners (m, k), number among like shapes."""
 
     kind: Kind
     name: str
@@ -49,8 +49,8 @@ def samples_reached(piece: Trajectory) -> int:
 def fine(piece: Trajectory, count: int, pieces: int, entries: Sequence[int] = ()) -> Part:
     """The curve through the first `count` samples of one of `pieces` pieces.
 
-    For a system without points it is a curve in its state space, as it is in some of the entries of
-    any state if these are given.
+    For a system without points it is a curve in its state space; if entries are given, in these
+    entries of the state.
     """
     scene = piece.scene
     ts, ys = states(piece, count, pieces)

@@ -37,13 +37,13 @@ _LINE, _TITLE_LINE = 0.155, 0.185  # inches per line of text
 # A body alone is drawn in a square from -1.5 to 1.5.
 _EDGE = 1.5
 _BODY_SIZE = 0.5  # the largest distance of its corners from its mass centre
-_LONGEST = 0.85  # the arrow of the largest force
+_LONGEST = 0.85  # length of the arrow of the largest force
 _WHOLE_HEAD = 10.0  # arrows shorter than this have a smaller head [pt]
-_SHORTEST = 0.03  # a shorter one is a dot with a name
+_SHORTEST = 0.03  # a shorter arrow is drawn as a dot with a name
 _MOTION = ("#7a7a7a", "#8e6bbd")  # colours of velocity and acceleration
 #: The directions right and up in a view of space from above, on the side of -y.
 _VIEW = np.array([[0.8, 0.6, 0.0], [-0.3, 0.4, 0.75**0.5]])
-_ALL_ROUND = 16  # number of directions, all round, in which a label is tried
+_ALL_ROUND = 16  # number of directions, all around, in which a label is tried
 _FAR = (0.08, 0.2, 0.34, 0.5)
 
 
@@ -406,7 +406,7 @@ def _reach(body: FreeBody) -> float:
 
 
 def _account(body: FreeBody, found: FreeBodies) -> list[str]:
-    """The sums of a body as lines of text."""
+    """The forces on a body and their sums, as lines of text."""
     _, _, newton, moment, _ = found.units
     tiny = 1e-12 * max(found.largest, body.inertial[0], 1e-300)
 
@@ -441,7 +441,7 @@ def _arrow(ax, tail, tip, colour, *, width: float = 2.0) -> None:
 
 
 def _arc(ax, at: np.ndarray, couple: np.ndarray, colour: str, radius: float) -> np.ndarray:
-    """Draw an arc (40, 2) round a point in the sense of a moment, seen along its axis."""
+    """Draw an arc (40, 2) around a point in the sense of a moment, seen along its axis."""
     sense = float(couple) if couple.ndim == 0 else float(couple[np.abs(couple).argmax()])
     angle = np.radians(
         np.linspace(200.0, -20.0, 40) if sense < 0 else np.linspace(-20.0, 200.0, 40)
