@@ -30,7 +30,7 @@ _ANOTHER = "Give another path, or delete the file."
 
 
 class Chunk(NamedTuple):
-    """Some rows.
+    """A chunk of rows.
 
     Attributes:
       rows: (n, m) the numbers.
@@ -57,7 +57,7 @@ class Rows:
     def compute(self, inputs: Any, function: Callable[[Any], np.ndarray]) -> np.ndarray:
         """The rows (n, m) of a function of inputs, which are a pytree of arrays with n rows.
 
-        Calls must come in the same order whenever a file is continued.
+        When a file is continued, calls must come in the same order as before.
         """
         n = len(jax.tree.leaves(inputs)[0])
         if self._whole:

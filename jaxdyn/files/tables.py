@@ -118,7 +118,7 @@ def write_labelled(path: str | Path, labelled: Labelled) -> Path:
     return write_columns(path, names, zip(*(list(x.array) for x in named.values()), strict=True))
 
 
-#: Names of the column of times, in small letters.
+#: Names of the column of times, in lower case.
 _TIMES = ("t", "time")
 #: The head of a column: a name, and its unit in brackets if there is one.
 _HEAD = re.compile(r"(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?")
