@@ -1,7 +1,7 @@
 """Messages of Python functions in the words of a command line: options in place of arguments.
 
-The functions name their arguments, ``start: expected ...`` and "Widen within=.", and other
-functions. Someone at a command line has options, and none of the functions.
+Messages of functions name arguments, as in ``start: expected ...`` and "Widen within=.", and other
+functions. At a command line there are options instead, and no functions.
 """
 
 import itertools
@@ -48,7 +48,7 @@ def in_options(
       message: the message of a function.
       options: the options of the command, such as "--start".
       parameters: the parameters of the scene, which --set changes.
-      given: those that --set gave, which the message may name.
+      given: the values given by --set, whose names the message may begin with.
     Example:
       >>> in_options("start: expected 3 entries, got 2. Widen within=. See jaxdyn.simulate.",
       ...            ["--start", "--within"])
@@ -70,7 +70,7 @@ def _is_for_programs(sentence: str) -> bool:
 
 
 def _option(name: str, options: Collection[str]) -> str | None:
-    """The option for an argument, which may be for one of several values."""
+    """The option for an argument; it may be called by the singular of its name."""
     names = (name, name.removesuffix("s"), *_OF_OTHER_NAME.get(name, ()))
     spelled = (f"--{one.replace('_', '-')}" for one in names)
     return next((one for one in spelled if one in options), None)
