@@ -26,7 +26,7 @@ from orbits.tori.torus import GOAL, MOST_MODES, AcrossTangent, Torus, refine
 _ASTRAY = 0.5  # a larger correction, as a share of the step, leads to a torus of another family
 #: What the file of a continuation calls a family of tori.
 TORI = "tori"
-_SAME = ("scene", "outcome", "held", "rtol")  # what the tori of a family have in common
+_SAME = ("scene", "outcome", "held", "rtol")  # fields that are equal for the tori of a family
 
 
 @dataclasses.dataclass(frozen=True)

@@ -169,8 +169,8 @@ class AcrossTangent(NamedTuple):
 # ---- The torus near a circle: the conditions that single it out, and the modes that it needs
 
 _MORE = 1.5  # factor on the number of modes from attempt to attempt
-#: An error of invariance of at most so many roundings of the starts, and below the second number,
-#: counts as none: about a very unstable orbit rounding alone makes large errors.
+#: An error of invariance up to this multiple of that by rounding of the points, and up to the
+#: second number, is accepted: about a very unstable orbit rounding alone makes large errors.
 _ROUNDINGS, _LOOSEST = 4.0, 1e-8
 _COLLAPSED = 0.02  # share of the first amplitude below which a circle has become a point
 
@@ -187,10 +187,10 @@ def refine(
     """The torus near a start, with as many modes as it needs.
 
     Args:
-      like: a torus of the same family, for what both share.
+      like: a torus of the same family, with the scene and the settings that both share.
       start: the first circle.
       w: (k,) complex direction of the first harmonic, which fixes the origin of theta.
-      target: what singles it out in the family.
+      target: the condition that singles it out in the family.
       goal: largest error of invariance, see `torus`.
       max_modes: largest number of modes.
     """
@@ -305,8 +305,9 @@ def torus(
         `Stability.nontrivial`.
       rotation: angle rho to reach instead of the amplitude, which is then a guess [rad]. It should
         be close to that of a torus of the guessed amplitude, in the same sense.
-      goal: largest error of invariance, in the sizes of the entries; that of a few roundings of
-        the circle, up to 1e-8, takes its place where it is larger, as about an unstable orbit.
+      goal: largest error of invariance, in the sizes of the entries; where rounding of the circle
+        alone makes a larger one, as about an unstable orbit, a few times that, up to 1e-8, is
+        accepted.
       max_modes: largest number of Fourier modes.
       throw: raise unless a torus was found; with False check `Torus.outcome`.
     Returns:
