@@ -28,7 +28,7 @@ from orbits.sections.coordinates import entry, fixed_entry, list_names, names_of
 _NEWTON_STEPS = 30
 #: Largest residual of a solution, relative to the terms of the energy.
 _RESIDUAL = 1e-13
-_QUADRATIC = 1e-9  # relative change of the second derivative that is rounding
+_QUADRATIC = 1e-9  # relative change of the second derivative that counts as rounding
 _OFF = 1e-9  # largest distance of a start from the section, relative to the state
 
 
