@@ -20,8 +20,8 @@ from orbits.sections.tables import SectionPoints
 _PANEL, _ABOVE = 4.4, 0.7  # inches
 _GRID = 300  # points in each direction, for the edge of the allowed region
 _MARGINS = 0.1 * 1.5 ** np.arange(9)  # margins of a box around the points, relative to its size
-#: An extent below these shares of the position of the points, and of entries with the same unit, is
-#: rounding.
+#: An extent below the first share of the position of the points, or below the second share of the
+#: entries with the same unit, is rounding.
 _RESOLVED, _ROUNDING = 1e-6, 1e-8
 _SAME_ENERGY = 1e-9  # largest difference of energies on one energy surface, relative to their terms
 _POINTS = 4000  # number of points in a panel above which dots are smaller
@@ -130,7 +130,8 @@ def _edge(ax, table: SectionPoints) -> None:
         seen += [(q, p, least)] * int(outside.any())
         if whole:
             break
-    # Draw in the box that holds the whole region; for an open one in the first that shows an edge.
+    # Draw in the box that holds the whole region; if the region is open, in the first box that
+    # shows an edge.
     for q, p, least in seen[-1:] if whole else seen[:1]:
         ax.contour(q, p, least, levels=[energy], colors=INK, linewidths=1, linestyles="solid")
 
