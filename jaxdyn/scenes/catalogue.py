@@ -92,7 +92,7 @@ def entry(name: str) -> Entry:
 def _check_maker(name: str, make: Callable[..., Any]) -> Callable[..., Scene]:
     """A function of the user, with a check that it returns a scene.
 
-    Equations that have the name of their rate, which is mostly "rate", are named after it instead.
+    A scene that has the name of its rate function, mostly "rate", is named after `make` instead.
     """
 
     @functools.wraps(make)

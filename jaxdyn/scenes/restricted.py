@@ -21,7 +21,7 @@ from jaxdyn.system import UNIT, Points
 #: Radius of attracting masses in drawings; in the equations they are points.
 DRAWN = 0.02
 _MOON = 0.01215  # share of the Moon in the mass of Earth and Moon
-#: Entries of a start in the units of a pair are smaller; those in kilometres are larger.
+#: Entries of a start in the units of a pair are smaller than this; some in kilometres are larger.
 _MOST = 1e3
 
 

@@ -226,8 +226,8 @@ def braking(scene: Scene) -> dict[str, Phase]:
     if friction is None:
         raise _checks.fail("scene", "a car with a locked axle", "none", "Give it mu > 0.")
     start = safe_norm(sliding_velocity(friction.ahead, scene.y0[:3], scene.y0[3:]))
-    # What is neglected in the last part is a share (u / whole)^2 of it, and the last part is a
-    # share u / start of the whole stop.
+    # The terms neglected in the last part, from the speed u on, are a share (u / whole)^2 of it,
+    # and the last part is a share u / start of the whole stop.
     whole = jnp.sqrt(friction.mu * friction.load / numbers.m * jnp.abs(numbers.base))
     eps = jnp.finfo(start.dtype).eps
     slow = Slow(friction.ahead, eps * whole + jnp.cbrt(eps * start * whole**2))
