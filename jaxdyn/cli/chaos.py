@@ -22,7 +22,7 @@ from jaxdyn.cli.shared import (
 )
 
 STOPPED = 1  # exit code: the motion did not reach its end
-_MOST_VALUES = 1000  # in each direction
+_MOST_VALUES = 1000  # of a map, in each direction
 
 
 class _Range(NamedTuple):

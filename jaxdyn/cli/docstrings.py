@@ -21,7 +21,7 @@ from jaxdyn._arithmetic import setting
 from jaxdyn._text import choice, fail
 
 _PACKAGE = Path(__file__).parents[1]
-_NEXT_NAME = re.compile(r"[,;\s]+(?=\w+\s*=)")  # what stands before it
+_NEXT_NAME = re.compile(r"[,;\s]+(?=\w+\s*=)")  # the separators before a further NAME=
 _LINES = re.MULTILINE | re.DOTALL
 
 
@@ -59,7 +59,7 @@ def scenes() -> dict[str, SceneText]:
 
 
 def of_file(name: str) -> SceneText:
-    """The same for a scene in a file of the user."""
+    """The contents of the docstring of a scene in a file of the user."""
     if (text := _scene_files.text_of(name)) is not None:
         numbers = jaxdyn.formulations.xpp.Maker(text).defaults
         first = text.strip().partition("\n")[0]
@@ -133,7 +133,7 @@ def scene_settings(name: str, texts: Iterable[str] | None) -> dict[str, str]:
 
 
 def parameter_name(option: str, parameter: str, name: str) -> str:
-    """The name by which a scene knows the parameter that an option names, or an entry of one: m.0.
+    """The name of a parameter, or of an entry of one such as m.0, as the scene spells it.
 
     Raises:
       ValueError: the scene has no such parameter.

@@ -1,14 +1,14 @@
 """Messages of Python functions in the words of a command line: options in place of arguments.
 
-The functions name their arguments, ``start: expected ...`` and "Widen within=.", and other
-functions. Someone at a command line has options, and none of the functions.
+Messages of functions name arguments, as in ``start: expected ...`` and "Widen within=.", and other
+functions. At a command line there are options instead, and no functions.
 """
 
 import itertools
 import re
 from collections.abc import Collection, Mapping, Sequence
 
-#: What messages call arguments that commands fill from options of another name.
+#: Arguments in messages, and the options of other names from which commands fill them.
 _OF_OTHER_NAME = {
     "Deflated": ("unlike",),
     "Force.on": ("drive", "input"),
@@ -17,7 +17,7 @@ _OF_OTHER_NAME = {
     "parameter": ("parameters",),
     "y": ("start",),
 }
-#: What is said of arguments that are no options.
+#: What arguments that are no options are called instead.
 _NO_OPTIONS = {"make": "scene", "data": "table", "text": "file"}
 #: The name at the beginning of a message, before what was expected.
 _NAMED = re.compile(r"(?P<name>[A-Za-z_][\w.]*): expected ")
@@ -48,7 +48,7 @@ def in_options(
       message: the message of a function.
       options: the options of the command, such as "--start".
       parameters: the parameters of the scene, which --set changes.
-      given: those that --set gave, which the message may name.
+      given: the values given by --set, whose names the message may begin with.
     Example:
       >>> in_options("start: expected 3 entries, got 2. Widen within=. See jaxdyn.simulate.",
       ...            ["--start", "--within"])
@@ -60,8 +60,8 @@ def in_options(
         name = option or _NO_OPTIONS.get(found["name"], found["name"])
         message = f"{name}{message[found.end('name') :]}"
     stated, *advice = _SENTENCE.split(message)
-    spoken = [x if _OF_SCENES.search(x) else _spoken(x, options, parameters) for x in advice]
-    return " ".join([stated, *(x for x in spoken if not _is_for_programs(x))])
+    phrased = [x if _OF_SCENES.search(x) else _with_options(x, options, parameters) for x in advice]
+    return " ".join([stated, *(x for x in phrased if not _is_for_programs(x))])
 
 
 def _is_for_programs(sentence: str) -> bool:
@@ -70,13 +70,13 @@ def _is_for_programs(sentence: str) -> bool:
 
 
 def _option(name: str, options: Collection[str]) -> str | None:
-    """The option for an argument, which may be for one of several values."""
+    """The option for an argument; it may be called by the singular of its name."""
     names = (name, name.removesuffix("s"), *_OF_OTHER_NAME.get(name, ()))
     spelled = (f"--{one.replace('_', '-')}" for one in names)
     return next((one for one in spelled if one in options), None)
 
 
-def _spoken(sentence: str, options: Collection[str], parameters: Collection[str]) -> str:
+def _with_options(sentence: str, options: Collection[str], parameters: Collection[str]) -> str:
     def option_of(argument: re.Match) -> str:
         name, value = argument["name"], argument["value"] or ""
         option = _option(name, options)
@@ -85,11 +85,11 @@ def _spoken(sentence: str, options: Collection[str], parameters: Collection[str]
             return f"--set {name}={value.strip(_QUOTES)}"
         if option is None:
             return argument[0]
-        says = re.fullmatch(r"[\d.eE+-]+|[a-z][a-z0-9_]*|\"\w+\"", value)
-        return f"{option} {value.strip(_QUOTES)}" if says else option
+        is_plain = re.fullmatch(r"[\d.eE+-]+|[a-z][a-z0-9_]*|\"\w+\"", value)
+        return f"{option} {value.strip(_QUOTES)}" if is_plain else option
 
-    spoken = _ARGUMENT.sub(option_of, sentence)
-    return _SOLVER.sub(lambda solver: f"{solver['name'].lower()}", spoken)
+    phrased = _ARGUMENT.sub(option_of, sentence)
+    return _SOLVER.sub(lambda solver: f"{solver['name'].lower()}", phrased)
 
 
 _QUOTES = "\"'"

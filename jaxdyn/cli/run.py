@@ -37,9 +37,9 @@ from jaxdyn.files.output_files import archive_path, table_path
 #: Options that warnings advise.
 _ADVISED = ("--solver", "--rtol")
 STOPPED = 1  # exit code: the motion did not reach its end
-_MOST_SAMPLES = 1_000_000  # each becomes text
+_MOST_SAMPLES = 1_000_000  # each of which is printed or written as text
 _MOST_PHASES = 24  # printed; the file of --json has all of them
-_RTOL = 1e-10  # that of jaxdyn.simulate, which help does not load
+_RTOL = 1e-10  # the default of jaxdyn.simulate, which --help does not load
 
 
 def run_command(

@@ -31,8 +31,8 @@ MISUSE = 2  # exit code: invalid input
 BEGAN = time.perf_counter()  # when the command line began to load: libraries take a second or more
 FAILED = 1  # exit code: what was sought is not found
 INTERRUPTED = 130  # exit code: Ctrl-C, as in shells
-PIPE_CLOSED = 1  # exit code: the reader has closed the pipe; that of Typer
-_RARELY = 100_000, 20, 50  # objects made, and collections, between two collections
+PIPE_CLOSED = 1  # exit code: the reader has closed the pipe; the same as Typer's
+_RARELY = 100_000, 20, 50  # thresholds of the garbage collector for its three generations
 #: Raised for a wrong option or argument; typer exports only a subclass.
 _Usage: type[Exception] = typer.BadParameter.__bases__[0]
 
@@ -171,9 +171,9 @@ def start(app: typer.Typer) -> None:
 
     The code is 2 for invalid input, and 1 where nothing is found.
     """
-    # Most objects that imports and traces make stay alive; searching them for cycles again and
-    # again takes a tenth of the time of a short command. A library must leave this setting to its
-    # user, but this process is ours.
+    # Most objects that imports and traces make stay alive; searching them for cycles repeatedly
+    # takes a tenth of the time of a short command. A library must leave this setting to its user,
+    # but this process is ours.
     gc.set_threshold(*_RARELY)
     if sys.stderr is None:  # closed by the caller
         sys.stderr = open(os.devnull, "w", encoding="utf-8")
@@ -195,7 +195,7 @@ def start(app: typer.Typer) -> None:
     except typer.Abort:
         raise SystemExit(INTERRUPTED) from None
     except RuntimeError as error:
-        # What a search or an integration did not reach; others are errors of this program.
+        # Raised by a search or an integration that fails; others are errors of this program.
         if not type(error).__module__.startswith(("jaxdyn.", "orbits.")):
             raise
         _refuse(_in_options(app, error), FAILED)
@@ -208,7 +208,7 @@ def start(app: typer.Typer) -> None:
     else:
         raise SystemExit(code or 0)
     finally:
-        # Python would search all that is alive for cycles once more before it ends, in 0.4 s.
+        # Otherwise Python would search all live objects for cycles once more at exit, in 0.4 s.
         gc.freeze()
 
 

@@ -89,9 +89,9 @@ _SYNONYMS = {
 _EFFECTS = Path(__file__).parents[1] / "effects"
 _GUIDES = Path(__file__).parents[1] / "gallery" / "guides"
 _COMMAND = re.compile(r'^def (\w+)_command\((.*?)\n    """([^"\n]+)', re.MULTILINE | re.DOTALL)
-_FEW = 3  # commands that share an option, up to which it says what they are about
-_LINES = 3  # a guide that has the word in this many lines is about it
-_CHANGES = "20_changes.md"  # has every word, and is about none
+_FEW = 3  # an option that more commands share does not tell what they are about
+_LINES = 3  # a guide is about a word if it has the word in this many lines
+_CHANGES = "20_changes.md"  # it contains every word, and is about none
 
 
 def about(word: str, zoo: Mapping[str, SceneText]) -> list[str]:
@@ -104,7 +104,7 @@ def guides(word: str, times: int = _LINES) -> dict[str, str]:
 
     Args:
       word: the word.
-      times: number of lines in which a guide about it has it, if no heading does.
+      times: number of lines with the word from which on a guide is about it, if no heading has it.
     """
     found = {}
     for path in sorted(_GUIDES.glob("*.md")):
@@ -133,7 +133,7 @@ def _effects() -> tuple[tuple[str, str], ...]:
 
 
 def commands(word: str) -> dict[str, str]:
-    """What commands do whose name or description contains a word, or a few by their options."""
+    """What commands do whose name or description contains a word, or, of a few, an option."""
     found = {name: does for name, _, does in _commands() if _is_in(word, f"{name}: {does}")}
     by_option = {name: does for name, options, does in _commands() if _is_in(word, options, ())}
     return found | (by_option if len(by_option) <= _FEW else {})

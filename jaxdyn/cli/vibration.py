@@ -77,8 +77,8 @@ def vibration_command(
         else:
             _print(name, found, scene, out)
         if given is not None:
-            asked = (given, output or given, within, samples, hertz)
-            _response(scene, asked, (plot, csv, title), out)
+            options = (given, output or given, within, samples, hertz)
+            _response(scene, options, (plot, csv, title), out)
 
 
 def at_equilibrium(scene: "jaxdyn.Scene", start: str | None) -> "jaxdyn.Scene":
@@ -130,9 +130,9 @@ def _as_json(found: "jaxdyn.vibration.NaturalModes", scene: "jaxdyn.Scene") -> d
     }
 
 
-def _response(scene: "jaxdyn.Scene", asked: tuple, files: tuple, out: Screen) -> None:
+def _response(scene: "jaxdyn.Scene", options: tuple, files: tuple, out: Screen) -> None:
     """The response from an input to an output, drawn and written."""
-    given, output, within, samples, hertz = asked
+    given, output, within, samples, hertz = options
     plot, csv, title = files
     low, high = _range(within, scene, hertz)
     ratio = (high / low) ** (1 / (samples - 1))

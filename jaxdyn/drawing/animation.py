@@ -5,8 +5,8 @@ round factor, which is shown in the picture.
 
 A GIF needs no other program, an MP4 needs ffmpeg. Frames show states of the fine curve that `paths`
 finds, without interpolation between them, since a straight line between two of them is not on the
-path. What does not move (axes, grid, labels) is drawn once and copied under every frame, since
-Matplotlib's own method, which redraws the figure for each frame, takes several times as long.
+path. The background (axes, grid, labels) is drawn once and copied under every frame: Matplotlib's
+own method, which redraws the figure for each frame, takes several times as long.
 """
 
 import itertools
@@ -124,7 +124,7 @@ class _Actors:
         self.drawn, self.trail, self.note = drawn, trail * (drawn.ts[-1] - drawn.ts[0]), note
         own = colours(drawn)
         fade = np.linspace(0.0, 1.0, _SHADES + 1)[1:]
-        # Mixtures with white instead of transparency, whose overlapping ends would show as beads.
+        # Colours are mixed with white: transparent ones would show beads where segments overlap.
         pale = [1 - f * (1 - np.array(to_rgb(colour))) for f in fade for colour in own]
         widths = np.repeat(0.4 + 2.2 * fade, len(own))
         self.trails = draw_lines(ax, [], colors=pale, linewidths=widths)
@@ -166,7 +166,7 @@ class _Pace(NamedTuple):
 
 
 def _pace(span: float, seconds: float | None) -> _Pace:
-    """The given pace, or real time for a span of moderate length, or else a round factor of it."""
+    """The given pace; else real time for a span of moderate length, or a round factor of it."""
     if seconds is not None:
         return _Pace(float(seconds), _factor(span / seconds))
     if _SHORT <= span <= _LONG:

@@ -13,9 +13,9 @@ from jaxdyn.drawing.figures import INK
 from jaxdyn.drawing.panels import draw_lines
 from jaxdyn.drawing.strokes import grounds, strokes
 
-_SPRING = 0.022  # half width of a spring over the widest side of the box
+_SPRING = 0.022  # half width of a spring, relative to the widest side of the box
 _AREAS = 1.4  # drawing order (zorder) of filled areas
-ABOVE_AREAS = 1.5  # that of poses at other times, which an area filled at the start must not hide
+ABOVE_AREAS = 1.5  # that of poses at other times, which a filled area must not hide
 BODY = "#e6e9ee"
 GROUND = "#8c8c8c"
 _PIN = 22  # size of the marker of a pin [points]

@@ -30,9 +30,10 @@ EQUILIBRIUM_MARKERS = {
 #: Markers of the kinds of points of codimension two, in the order of their first appearance.
 _SHAPES = "^Do*XsvPpd<>"
 _SUBCRITICAL = (0, (4, 2))
-#: Distance of a special point from a line, in lengths of it, up to which it is between its ends.
+#: Largest distance of a special point from a line between whose ends it lies, in lengths of the
+#: line.
 _BESIDE = 0.5
-#: Change of a coordinate along a line, relative to the largest of all, that is due to rounding.
+#: Relative change of a coordinate along a line that is due to rounding.
 _ROUNDING = 1e-13
 #: Number of straight pieces drawn between two computed points.
 _PIECES = 12
@@ -131,7 +132,7 @@ def bifurcation_curves(curves: Sequence, path=None, *, title: str | None = None)
 
 
 def runs(pieces: Iterable[tuple[str, Any, Any]]) -> list[tuple[str, list]]:
-    """Pieces of lines, each with a property and two ends, joined where they share both."""
+    """Pieces of lines, each a property and two ends, joined if the property and an end agree."""
     found: list[tuple[str, list]] = []
     for which, one, two in pieces:
         if found and found[-1][0] == which and found[-1][1][-1] is one:
@@ -184,7 +185,7 @@ def draw_stretches(
       found: result of `stretches`.
       place: point -> where it is in the picture.
       name: the name in the legend, with {} for the verdict.
-      look: what they have in common.
+      look: Matplotlib properties that all of them have.
     """
     lines = smooth(ax, [[place(x) for x in points] for _, points, _ in found])
     for (verdict, _, shown), line in zip(found, lines, strict=True):
@@ -249,7 +250,8 @@ def in_extents(points: Sequence, place: Callable[[Any], Any]) -> Callable[[Any],
 def _between(at: np.ndarray, special: Sequence, place: Callable) -> list[list]:
     """The special points between each two neighbours of points at (n, k), in order.
 
-    Each is beside one of the lines that join them, the nearest, by less than half its length.
+    Each belongs to the nearest of the lines that join them, if it is closer to that than half its
+    length.
     """
     found: list[list] = [[] for _ in at[1:]]
     for x in special:
@@ -261,7 +263,7 @@ def _between(at: np.ndarray, special: Sequence, place: Callable) -> list[list]:
 
 
 def with_special(points: Sequence, special: Sequence, place: Callable[[Any], Any]) -> list:
-    """Points along a line with its special points in their places."""
+    """Points along a line, with its special points inserted between them."""
     at = in_extents(points, place)
     between = _between(np.array([at(x) for x in points]), special, at)
     first = [x for one, cuts in zip(points, between, strict=False) for x in (one, *cuts)]
@@ -269,9 +271,9 @@ def with_special(points: Sequence, special: Sequence, place: Callable[[Any], Any
 
 
 def _criticality(one, two) -> str:
-    """The criticality of two neighbouring Hopf points; "" if neither has one.
+    """The criticality of two neighbouring points; "" if neither has one.
 
-    Special points between them have none, nor have points of curves of orbits.
+    Only Hopf points have one, except for special points between them.
     """
     return getattr(one, "criticality", "") or getattr(two, "criticality", "")
 

@@ -1,7 +1,7 @@
 """The contents of a picture of a motion: paths of points, and moving shapes.
 
-They are plain arrays for any drawing library, that of the pictures and animations here or that of a
-page in a browser. The look of a scene is defined by `System.sketch` and `Effect.sketch`.
+They are plain arrays for any drawing library: Matplotlib for pictures and animations, or the one of
+a page in a browser. The look of a scene is defined by `System.sketch` and `Effect.sketch`.
 """
 
 import re
@@ -71,7 +71,7 @@ def paths(motion: Trajectory | HybridTrajectory, entries: Sequence[str] | None =
       motion: result of `simulate` or `simulate_phases`.
       entries: names of two or three entries of the state that are drawn instead.
     Raises:
-      ValueError: `motion` is a batch, or has nothing to draw, or `entries` are others.
+      ValueError: `motion` is a batch or has nothing to draw, or `entries` are not such names.
     """
     pieces = pieces_of(motion)
     which = [indices_of(entries, piece.scene) for piece in pieces]
@@ -139,8 +139,8 @@ def places(drawn: Paths, *, shapes: bool = True) -> np.ndarray:
 def in_time(drawn: Paths, count: int) -> np.ndarray:
     """(count,) indices of the samples nearest to evenly spaced times."""
     wanted = np.linspace(drawn.ts[0], drawn.ts[-1], count)
-    way = 1.0 if drawn.ts[-1] >= drawn.ts[0] else -1.0
-    after = np.clip(np.searchsorted(way * drawn.ts, way * wanted), 1, len(drawn.ts) - 1)
+    sign = 1.0 if drawn.ts[-1] >= drawn.ts[0] else -1.0
+    after = np.clip(np.searchsorted(sign * drawn.ts, sign * wanted), 1, len(drawn.ts) - 1)
     nearer = np.abs(drawn.ts[after - 1] - wanted) < np.abs(drawn.ts[after] - wanted)
     return after - nearer
 

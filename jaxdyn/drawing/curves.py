@@ -24,7 +24,7 @@ CURVE_SAMPLES = 2000  # number of samples with which a curve looks smooth in a p
 
 
 class Outline(NamedTuple):
-    """The identity of a shape of a scene: kind, name, corners (m, k), number among its equals."""
+    """The identity of a shape of a scene: kind, name, corners (m, k), number among like shapes."""
 
     kind: Kind
     name: str
@@ -49,8 +49,8 @@ def samples_reached(piece: Trajectory) -> int:
 def fine(piece: Trajectory, count: int, pieces: int, entries: Sequence[int] = ()) -> Part:
     """The curve through the first `count` samples of one of `pieces` pieces.
 
-    For a system without points it is a curve in its state space, as it is in some of the entries of
-    any state if these are given.
+    For a system without points it is a curve in its state space; if entries are given, in these
+    entries of the state.
     """
     scene = piece.scene
     ts, ys = states(piece, count, pieces)
@@ -72,10 +72,10 @@ def states(piece: Trajectory, count: int, pieces: int) -> tuple[np.ndarray, np.n
 def quantities(
     piece: Trajectory, count: int, pieces: int, of: Callable[[Scene, Array, Array], dict]
 ) -> dict[str, np.ndarray]:
-    """Quantities (s,) by name at the times of `states`, each a polynomial as the states are.
+    """Quantities (s,) by name at the times of `states`, interpolated as the states are.
 
-    Not those of the states on the curve: where forces are large, a conserved energy would differ
-    between the samples by the errors of these.
+    They are not evaluated at the interpolated states: where forces are large, the errors of these
+    would make a conserved energy vary between the samples.
     """
     ts, ys = np.asarray(piece.ts[:count]), np.asarray(piece.ys[:count])
     found = _derivatives(piece.scene, ts, ys, of)
@@ -97,7 +97,7 @@ def _refine(ts: np.ndarray, known: tuple[np.ndarray, ...], parts: int):
     h = np.diff(ts)[:, None]
     start, bend, step = h * v[:-1], h**2 * a[:-1] / 2, np.diff(y, axis=0)
     miss = step - start - bend, h * v[1:] - start - 2 * bend, h**2 * a[1:] / 2 - bend
-    # The polynomial of degree 5 from the errors, at the end, of the one of degree 2.
+    # The polynomial of degree 5 corrects that of degree 2 by its errors at the end.
     cubic = 10 * miss[0] - 4 * miss[1] + miss[2]
     quartic = -15 * miss[0] + 7 * miss[1] - 2 * miss[2]
     quintic = 6 * miss[0] - 3 * miss[1] + miss[2]

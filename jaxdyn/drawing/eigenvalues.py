@@ -26,7 +26,7 @@ from jaxdyn.drawing.figures import (
 from jaxdyn.drawing.titles import readable
 from jaxdyn.files.output_files import picture_path
 
-_POINTS = 200  # equilibria in a picture, about
+_POINTS = 200  # approximate number of equilibria in a picture
 
 
 @check_first
@@ -60,7 +60,7 @@ def eigenvalues(
     points = _refine(family)
     over = np.array([point.parameter for point in points])
     lines = _match([point.eigenvalues.values for point in points])
-    # Of a pair one line is drawn, that with the positive frequency.
+    # Of a complex pair only the line with the positive frequency is drawn.
     lines = lines[:, (lines.imag >= 0).any(axis=0)]
     parts = [(with_unit("growth", f"1/{time}" if time else ""), lines.real)]
     if (lines.imag > 0).any():

@@ -25,9 +25,9 @@ PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 INK = "#404040"
 GRID = "#e4e4e4"
 DPI = 150
-#: Most bytes of a small picture, 30 kB as text: a notebook keeps one for each cell that shows one.
+#: Most bytes of a small picture, 30 kB as text: a notebook stores one for each cell with a picture.
 MOST_BYTES = 22_000
-_SMALL_DPI, _SMALL_COLOURS = (72, 60, 45, 30), 64  # the first dpi that is small enough
+_SMALL_DPI, _SMALL_COLOURS = (72, 60, 45, 30), 64  # resolutions, tried in this order
 
 _LEGEND = 0.5  # [in] height of a legend for which a figure has room
 _EDGE = 6.0  # pixels between a title and the side of a figure

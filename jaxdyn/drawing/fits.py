@@ -19,8 +19,8 @@ _SHADES = {"prediction": 0.15, "confidence": 0.35}  # opacities of the bands
 def fit(found: Fit, path=None, *, interval: str = "confidence", title: str | None = None) -> Figure:
     """A picture of a fit: for each column the data with the motion, and the residuals below them.
 
-    The band is where the motion without noise lies with a probability of 95 %, the wider one where
-    a measurement does; residuals are in standard deviations of the noise.
+    The band contains the motion without noise with a probability of 95 %, the wider band a
+    measurement; residuals are in standard deviations of the noise.
 
     Args:
       found: result of `jaxdyn.fit`.
@@ -50,7 +50,7 @@ def fit(found: Fit, path=None, *, interval: str = "confidence", title: str | Non
             upper.fill_between(
                 predicted.ts, low, high, color=colour, alpha=shade, lw=0, label=label
             )
-        # Many measurements would hide the fit: they are below it, and pale.
+        # Many measurements would hide the fit, so they are drawn below it, and pale.
         upper.plot(predicted.ts, values, color=colour, lw=1.4, label="fit", zorder=3)
         upper.plot(table.ts, table.values[:, i], ".", color=_PALE, ms=4, label="measured")
         unit = "" if column.unit == "1" else f" [{column.unit}]"

@@ -37,13 +37,13 @@ _LINE, _TITLE_LINE = 0.155, 0.185  # inches per line of text
 # A body alone is drawn in a square from -1.5 to 1.5.
 _EDGE = 1.5
 _BODY_SIZE = 0.5  # the largest distance of its corners from its mass centre
-_LONGEST = 0.85  # the arrow of the largest force
-_WHOLE_HEAD = 10.0  # length of an arrow from which on its head has its whole size [pt]
-_SHORTEST = 0.03  # a shorter one is a dot with a name
+_LONGEST = 0.85  # length of the arrow of the largest force
+_WHOLE_HEAD = 10.0  # arrows shorter than this have a smaller head [pt]
+_SHORTEST = 0.03  # a shorter arrow is drawn as a dot with a name
 _MOTION = ("#7a7a7a", "#8e6bbd")  # colours of velocity and acceleration
 #: The directions right and up in a view of space from above, on the side of -y.
 _VIEW = np.array([[0.8, 0.6, 0.0], [-0.3, 0.4, 0.75**0.5]])
-_ALL_ROUND = 16  # number of directions, all round, in which a label is tried
+_ALL_ROUND = 16  # number of directions, all around, in which a label is tried
 _FAR = (0.08, 0.2, 0.34, 0.5)
 
 
@@ -116,9 +116,9 @@ def free_body(
             own = [(kind, line) for kind, line in shapes if kind in ("line", "area", "solid")]
         _alone(ax, body, own, found, colours, view, motion)
         below = {"fontsize": 8, "color": INK, "ha": "center", "va": "top"}
-        said = ax.text(0.5, -0.01, "\n".join(lines), transform=ax.transAxes, **below)
-        wider = said.get_window_extent().width / ax.get_window_extent().width
-        said.set_fontsize(8 / max(1.0, wider))
+        caption = ax.text(0.5, -0.01, "\n".join(lines), transform=ax.transAxes, **below)
+        wider = caption.get_window_extent().width / ax.get_window_extent().width
+        caption.set_fontsize(8 / max(1.0, wider))
     return finish(figure, path)
 
 
@@ -257,10 +257,10 @@ def _round_length(x: float) -> float:
 
 def _axes(ax, corner: np.ndarray, length: float, view: np.ndarray) -> None:
     """Draw the directions of x, y and z in a corner."""
-    for name, way in zip("xyz", view.T, strict=True):
-        _arrow(ax, corner, corner + length * way, INK, width=0.9)
+    for name, axis in zip("xyz", view.T, strict=True):
+        _arrow(ax, corner, corner + length * axis, INK, width=0.9)
         ax.text(
-            *(corner + 1.3 * length * way), name, fontsize=8, color=INK, ha="center", va="center"
+            *(corner + 1.3 * length * axis), name, fontsize=8, color=INK, ha="center", va="center"
         )
 
 
@@ -304,8 +304,8 @@ def _alone(
     for f in body.forces:
         colour, at = colours[f.name], place(f.at)
         if not _is_couple(f, found):
-            end, way = _draw_force(ax, at, _flat(f.force, view), found.largest, colour, drawn)
-            wanted.append((end, way, _name_of(f, found), colour))
+            end, direction = _draw_force(ax, at, _flat(f.force, view), found.largest, colour, drawn)
+            wanted.append((end, direction, _name_of(f, found), colour))
         if np.any(f.couple):
             named = brief(_magnitude(f.couple), moment, 4)
             named = f"{f.name}\n{named}" if _is_couple(f, found) else named
@@ -340,7 +340,7 @@ def _draw_force(
 
 
 def _is_couple(f: Force, found: FreeBodies) -> bool:
-    """Whether it turns a body without a force on it."""
+    """Whether a force is a pure couple."""
     return bool(np.any(f.couple)) and _magnitude(f.force) <= 1e-12 * found.largest
 
 
@@ -393,10 +393,10 @@ def _draw_motion(
         tip = corner + 0.45 * _flat(x, view) / longest
         _arrow(ax, corner, tip, colour, width=1.4)
         labels.keep_off([np.stack([corner, tip])])
-        way = (tip - corner) / max(_magnitude(tip - corner), 1e-300)
+        direction = (tip - corner) / max(_magnitude(tip - corner), 1e-300)
         _, m, *_, second = found.units
         unit = f"{m}/{second}{'' if which == 'velocity' else '^2'}" if m else ""
-        wanted.append((tip, way, f"{which[0]} = {brief(_magnitude(x), unit, 4)}", colour))
+        wanted.append((tip, direction, f"{which[0]} = {brief(_magnitude(x), unit, 4)}", colour))
     return wanted
 
 
@@ -406,7 +406,7 @@ def _reach(body: FreeBody) -> float:
 
 
 def _account(body: FreeBody, found: FreeBodies) -> list[str]:
-    """The sums of a body as lines of text."""
+    """The forces on a body and their sums, as lines of text."""
     _, _, newton, moment, _ = found.units
     tiny = 1e-12 * max(found.largest, body.inertial[0], 1e-300)
 
@@ -441,7 +441,7 @@ def _arrow(ax, tail, tip, colour, *, width: float = 2.0) -> None:
 
 
 def _arc(ax, at: np.ndarray, couple: np.ndarray, colour: str, radius: float) -> np.ndarray:
-    """Draw an arc (40, 2) round a point in the sense of a moment, seen along its axis."""
+    """Draw an arc (40, 2) around a point in the sense of a moment, seen along its axis."""
     sense = float(couple) if couple.ndim == 0 else float(couple[np.abs(couple).argmax()])
     angle = np.radians(
         np.linspace(200.0, -20.0, 40) if sense < 0 else np.linspace(-20.0, 200.0, 40)
@@ -478,7 +478,7 @@ class _Labels:
         apart = np.linalg.norm(places[:, None] - points[None], axis=-1).min(axis=1)
         return places[int(apart.argmax())]
 
-    def put(self, at: np.ndarray, way: np.ndarray, text: str, colour) -> None:
+    def put(self, at: np.ndarray, direction: np.ndarray, text: str, colour) -> None:
         """Put a text near a point, preferably in this direction from it."""
         ax = self.ax
         drawn = ax.text(
@@ -496,7 +496,7 @@ class _Labels:
         (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
         unit = (x1 - x0) / (2 * _EDGE)
         points = np.concatenate([np.zeros((0, 2)), *self.lines])
-        start = np.arctan2(way[1], way[0])
+        start = np.arctan2(direction[1], direction[0])
         tried = []
         for far, k in itertools.product(_FAR, range(_ALL_ROUND)):
             turn = (k + 1) // 2 * (-1) ** k * 2 * np.pi / _ALL_ROUND

@@ -18,8 +18,8 @@ from jaxdyn.drawing.figures import GRID, INK, shades, style
 WIDTH = 6.4  # width of a figure [in]
 _PIECES = 120  # pieces into which a path is divided; see `draw_paths`
 _LEAST_SHARE = {2: 0.25, 3: 0.5}  # least width of a direction, as a share of the widest
-_JUMP = 1e-6  # smallest jump over the extent of a motion: less is the rounding of an event
-_MARGIN = 1.12  # size of the box that is drawn over that of the motion
+_JUMP = 1e-6  # least jump relative to the extent of a motion: a smaller one is rounding
+_MARGIN = 1.12  # ratio of the size of the box that is drawn to that of the motion
 
 
 def limits(xyz: np.ndarray, equal: bool) -> np.ndarray:

@@ -90,7 +90,7 @@ def time_series(
 
 
 def _functions(scene: Scene, names: Sequence, entries: dict) -> dict[str, Callable]:
-    """The functions among what is drawn by their names, which differ."""
+    """The functions among the quantities to draw, by their names, which differ."""
     found: dict[str, Callable] = {}
     for function in filter(callable, names):
         name = name_of(function, "quantity")
@@ -105,8 +105,8 @@ def _functions(scene: Scene, names: Sequence, entries: dict) -> dict[str, Callab
 def _panels(scene: Scene, names: Sequence[str]) -> dict[str, str]:
     """The panel of each quantity by name; raises for the name of an energy if there is none.
 
-    That of an entry is its unit as the system says it: in a scene without units positions and
-    velocities still get separate panels.
+    The panel of an entry is the unit that the system gives it, so that positions and velocities
+    have separate panels even in a scene without units.
     """
     labels = dict(scene.system.labels())
     asked = {*NAMES} & {*names} - {*labels}
@@ -116,7 +116,7 @@ def _panels(scene: Scene, names: Sequence[str]) -> dict[str, str]:
 
 
 def _of_panel(scene: Scene, name: str, panel: str) -> str:
-    """The label of the panel in which a quantity is, its unit; "" without one."""
+    """The label of the panel of a quantity: its unit, or "" if it has none."""
     entries, inputs = dict(scene.labels()), driving(scene)
     if name == panel:  # of a function
         return ""
@@ -129,7 +129,7 @@ def _of_panel(scene: Scene, name: str, panel: str) -> str:
 def _values(
     piece: Trajectory, pieces: int, names: Sequence[str], functions: dict[str, Callable]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Times (s,) of a smooth curve and the values (s, n) of what is named there."""
+    """Times (s,) of a smooth curve, and the values (s, n) of the named quantities there."""
     count = samples_reached(piece)
     ts, ys = states(piece, count, pieces)
     found = dict(zip(dict(piece.scene.labels()), ys.T, strict=True))

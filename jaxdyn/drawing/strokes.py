@@ -44,7 +44,7 @@ def strokes(drawn: Paths, sample: int, width: float) -> Strokes:
 
 
 def grounds(drawn: Paths) -> list[np.ndarray]:
-    """(k, D) fixed ground lines; straight ones extend over the whole motion, others are widest."""
+    """(k, D) fixed ground lines; straight ones span the motion, others are at their widest."""
     found = []
     for kind, at in drawn.shapes:
         for line in np.moveaxis(at, 1, 0) if kind == "ground" and len(at) else ():

@@ -111,7 +111,7 @@ def _parts(scene: Scene) -> list[_Part]:
 
 
 def _extension(system: Extended) -> list[_Part]:
-    """What a system adds to that inside, such as "harmonic force on x", with its numbers."""
+    """What a system adds to the one that it extends, such as "harmonic force on x"."""
     fields = dataclasses.fields(system)
     added = [x for f in fields if isinstance(x := getattr(system, f.name), eqx.Module)]
     added = [x for x in added if x is not system.system]
@@ -137,7 +137,7 @@ def _with_numbers(words: str, parts: Sequence[_Part]) -> str:
 def _numbers(part: eqx.Module | dict) -> dict[str, np.ndarray]:
     """The numbers of a part and of its fields, by name.
 
-    Long arrays are omitted, units of the equations, and numbers that are 0 by default: a phase, an
+    Omitted are long arrays, units of the equations, and numbers that are 0 by default: a phase, an
     anchor at the origin.
     """
     if isinstance(part, dict):

@@ -1,7 +1,7 @@
 """Archives of NumPy (.npz) with arrays and one JSON text; nothing here loads JAX.
 
-They are written atomically and read without trust: entries are not compressed, so that a claimed
-size can be compared with the bytes that are there before an array is made, and no entry is
+They are written atomically and read without trusting them: entries are not compressed, so that a
+claimed size is compared with the number of bytes before an array is made, and no entry is
 unpickled. The comment at the end of an archive is a digest of all of its other bytes.
 """
 
@@ -19,7 +19,7 @@ from jaxdyn.files.digests import DIGITS, has_digest, plain_text, with_digest
 from jaxdyn.files.input_files import content, parse_json
 from jaxdyn.files.output_files import archive_path, replace, unwritable
 
-#: Most bytes of an archive, all of which is in memory at once.
+#: Most bytes of an archive, which is in memory as a whole.
 MAX_BYTES = 2**30
 #: What entries may hold: floats, whole numbers, truth values.
 _TYPES = ("<f8", "<i8", "<i4", "|b1")
@@ -65,7 +65,7 @@ class Read(NamedTuple):
     Attributes:
       record: the record, from JSON.
       arrays: the arrays by name.
-      digested: whether it has a digest, as all archives have that `write` writes.
+      digested: whether it has a digest, as all archives written by `write` do.
     """
 
     record: Any
@@ -87,7 +87,7 @@ def read(path: str | Path, name: str, remedy: str) -> Read:
     digested = has_digest(data, "path", remedy)
     try:
         entries = _entries(data)
-    # These are the errors of zipfile for what it does not accept.
+    # zipfile raises these errors for files that it does not accept.
     except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError) as error:
         raise fail("path", "an archive (.npz)", f"{path} ({error})", remedy) from error
     if name not in entries:
@@ -98,7 +98,7 @@ def read(path: str | Path, name: str, remedy: str) -> Read:
 
 
 def _entries(data: bytes) -> dict[str, bytes]:
-    """The bytes of each entry, which together are no more than the archive has."""
+    """The bytes of each entry, in total no more than the archive has."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         found = archive.infolist()
         if any(entry.compress_type != zipfile.ZIP_STORED for entry in found):
@@ -119,7 +119,7 @@ def _pack(name: str, x: np.ndarray) -> bytes:
 
 
 def _unpack(name: str, data: bytes) -> np.ndarray:
-    """The array of an entry, if the number of its bytes is what its header claims."""
+    """The array of an entry, if it has as many bytes as its header claims."""
     file = io.BytesIO(data)
     try:
         if np.lib.format.read_magic(file) != (1, 0):

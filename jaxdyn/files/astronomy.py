@@ -85,7 +85,7 @@ def read_horizons(path: str | Path) -> Ephemeris:
 def _columns(before: str, body: str) -> tuple[list[float], list[list[float]]]:
     """Times and states from lines "date, calendar date, x, y, z, vx, vy, vz, ...".
 
-    The line of names above them says where these are: delta-T may come first.
+    The line of names above them gives the columns: one of delta-T may come before x.
     """
     heads = [[cell.strip() for cell in line.split(",")] for line in before.splitlines()]
     named = [head for head in heads if {*_NAMES} <= {*head}]
@@ -102,7 +102,7 @@ def _columns(before: str, body: str) -> tuple[list[float], list[list[float]]]:
 
 
 def _blocks(body: str) -> tuple[list[float], list[list[float]]]:
-    """Times and states from blocks of lines that begin with a date and go on with X = ...
+    """Times and states from blocks of lines that begin with a date, followed by X = ...
 
     With "Vector table labels" off, the X = is missing.
     """
@@ -141,7 +141,8 @@ def read_bodies(path: str | Path, *, units: Sequence[str] = (), G=None, t1=1.0) 
     Args:
       path: path of the file.
       units: names of the units of length, mass and time of the scene; see `scenes.n_body`. Columns
-        with a unit in brackets behind their name are converted to these, others are in them.
+        with a unit in brackets behind their name are converted to these; others are taken to be in
+        them.
       G: gravitational constant in these units; by default that of nature.
       t1: span.
     Raises:
@@ -181,14 +182,14 @@ def read_bodies(path: str | Path, *, units: Sequence[str] = (), G=None, t1=1.0) 
         t1=t1,
         units=units,
     )
-    scene.check()  # here the file is known, to which a message belongs
+    scene.check()  # here, where a message can still be about the file
     return scene
 
 
 def _in_units(
     table: Columns, name: str, units: Sequence[str], powers: tuple[int, ...]
 ) -> np.ndarray:
-    """A column in powers of the units of length, mass and time; those of brackets are converted."""
+    """A column in powers of the units of length, mass and time; a unit in brackets is converted."""
     column, given = table[name], table.units.get(name, "")
     if column.dtype.kind != "f":
         raise fail(f"column {name}", "numbers", "text", "Leave gaps empty, without a mark.")

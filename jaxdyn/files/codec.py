@@ -1,8 +1,8 @@
 """The codec: how a value becomes plain JSON, and how JSON becomes a value again.
 
 `encode` takes a bool, int, float or str, None, an enum, a list or tuple, a dictionary, an array, a
-dataclass or a named tuple, and a scene or a part of one. `decode` reads each as an annotation says,
-which is the one place where the type of a result is written down. In JSON
+dataclass or a named tuple, and a scene or a part of one. `decode` reads each by its annotation, the
+only place where the type of a result is declared. In JSON
 
 - NaN is null, and an infinity is a text, since JSON has no such numbers;
 - an array is nested lists of its numbers; one that is complex or empty, which lists cannot
@@ -138,14 +138,14 @@ def _is_named_tuple(value: Any) -> bool:
 
 
 def _field_names(cls: type) -> tuple[str, ...]:
-    """The fields of a named tuple, or of a dataclass without those that it computes itself."""
+    """The fields of a named tuple, or those of a dataclass that its constructor takes."""
     if issubclass(cls, tuple):
         return getattr(cls, "_fields", ())
     return tuple(field.name for field in dataclasses.fields(cls) if field.init)
 
 
 def decode(value: Any, hint: Any, name: str, remedy: str, *, lines: bool = False) -> Any:
-    """The value of an annotated type that a value of JSON stands for.
+    """The value of an annotated type that a JSON value represents.
 
     Args:
       value: the JSON value, from a file.
@@ -220,7 +220,7 @@ def decode_fields(
       name: see `decode`.
       remedy: see `decode`.
       without: fields that the object does not have.
-      raw: fields that stay JSON: what they hold is less than the field, which is made from it.
+      raw: fields that stay JSON, since the object has only a part of what they hold.
     Returns: the values of the entries that the object has.
     Raises:
       ValueError: it is not an object, lacks an entry without a default, has other entries, or has
@@ -291,13 +291,14 @@ def _check_array(numbers: np.ndarray, shape: tuple[int, ...], name: str, remedy:
 
 
 class SceneNumbers(NamedTuple):
-    """What a file has of a scene that holds functions: not the functions, but all its numbers.
+    """The part of a scene with functions that a file keeps: all its numbers, but no function.
 
     Attributes:
       name: name of the scene.
       entries: names of the entries of its state.
       numbers: its leaves, in the order of `jax.tree.leaves`.
-      rates: (2, k) its rate at the start and at another state, by which its functions are known.
+      rates: (2, k) its rate at the start and at another state, by which its functions are
+        recognised.
     """
 
     name: str
@@ -392,7 +393,7 @@ def _probe(scene: Scene) -> np.ndarray:
 
 
 def _is_of_parts(value: Any) -> bool:
-    """Whether all parts of a scene can be written: numbers, texts, and parts in which they are."""
+    """Whether all parts of a scene can be written: they consist of numbers and texts."""
     if isinstance(value, eqx.Module) or _is_named_tuple(value):
         return all(_is_of_parts(getattr(value, name)) for name in _field_names(type(value)))
     if isinstance(value, tuple | list):
@@ -501,7 +502,7 @@ def _decode_field(item: Any, name: str, classes: dict[str, type]) -> Any:
 
 
 def _decode_static(item: Any, hint: Any, name: str) -> Any:
-    """The value of a static field, which is plain and for which programs are compiled."""
+    """The value of a static field: plain data, which are constants of compiled programs."""
     if isinstance(item, dict) or hint is Any:
         raise fail(name, "numbers and texts", reprlib.repr(item))
     found = decode(item, hint, name, "", lines=True)  # such as the text of a model

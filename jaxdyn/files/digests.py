@@ -2,7 +2,7 @@
 
 The digest is that of all other bytes of a file, or of a line of one, not of their meaning: where
 ``1e-13`` was written, ``1E-13`` is damage, though both are one number. It detects damage and
-inadvertent edits, not forgery: anyone can compute a new one. Nothing here loads JAX.
+inadvertent edits, not forgery: anyone can compute a new digest. Nothing here loads JAX.
 """
 
 import hashlib
@@ -17,7 +17,7 @@ DAMAGED = "The file was edited or damaged, or another version wrote it: make it 
 DIGITS = 32
 #: The digest at the end of an object of JSON, or of a comment.
 _AT_END = re.compile(rb'digest"?: "?([0-9a-f]{%d})"?\n?\}?\n?\Z' % DIGITS)
-_LONGEST = DIGITS + 20  # bytes that this matches
+_LONGEST = DIGITS + 20  # most bytes that this matches
 
 
 def json_text(record: dict[str, Any], indent: int | None = None) -> bytes:
@@ -48,7 +48,7 @@ def plain_text(record: Any, indent: int | None) -> bytes:
 
 
 def with_digest(data: bytes, at: int) -> bytes:
-    """Data with their digest inserted at a place before which "digest: " stands."""
+    """Data with their digest inserted at a position, which follows the text "digest: "."""
     return data[:at] + _digest(data) + data[at:]
 
 
@@ -60,7 +60,7 @@ def has_digest(data: bytes, name: str = "file", remedy: str = DAMAGED) -> bool:
       name: name of the argument or option, for the message.
       remedy: what to do if they are damaged, for the message.
     Raises:
-      ValueError: they have a digest, and it is that of other data.
+      ValueError: they have a digest that does not match them.
     """
     found = _AT_END.search(data, max(len(data) - _LONGEST, 0))
     if found is None:
@@ -72,7 +72,7 @@ def has_digest(data: bytes, name: str = "file", remedy: str = DAMAGED) -> bool:
 
 
 def digest_of_values(record: dict[str, Any]) -> str:
-    """The digest in older files: that of the values of a record, without this entry."""
+    """The digest of older files, computed from the values of a record without this entry."""
     text = json.dumps(record, sort_keys=True, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 

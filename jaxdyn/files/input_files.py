@@ -8,7 +8,7 @@ from typing import Any
 from jaxdyn._text import fail
 
 MAX_BYTES = 64 * 2**20  # a larger file is not one of these records
-#: Most values of one JSON text: Python takes up to 72 bytes for each, however short it is there.
+#: Most values of one JSON text: in Python each takes up to 72 bytes, however short its text is.
 MAX_VALUES = 4_000_000
 _DIGITS = 18
 
@@ -68,7 +68,7 @@ def parse_json(data: bytes, what: str, remedy: str = "") -> Any:
 
 def check_values(data: bytes, name: str, remedy: str) -> None:
     """Refuse JSON text of more than `MAX_VALUES` values, without parsing it."""
-    # Each value except the first stands after one of these characters.
+    # Each value except the first follows one of these characters.
     count = sum(map(data.count, (b",", b"[", b"{", b":")))
     if count > MAX_VALUES:
         wanted = f"at most {MAX_VALUES} numbers, texts and lists"

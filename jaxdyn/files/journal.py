@@ -2,8 +2,8 @@
 
 Each line is on the disk when `Journal.add` returns, and ends with a digest of the rest: a file that
 was edited is refused, and an incomplete last line is ignored. A lock beside the file is held while
-a line is added, so that several programs may add lines in turn, and within `Journal.alone`. The
-first line is the header of the file's `layout`.
+a line is added, so that several programs may add lines in turn, and for the duration of
+`Journal.alone`. The first line is the header of the file's `layout`.
 """
 
 import contextlib
@@ -46,7 +46,7 @@ class Journal:
             writes it.
         """
         self._path = writable(path)
-        # All threads of this program share the lock, since reports may come from any of them.
+        # All threads of this program share the lock, since any of them may add a line.
         lock = _lock_of(self._path)
         self._lock = filelock.FileLock(lock, timeout=patience, thread_local=False)
         with self._hold_lock():
@@ -120,7 +120,7 @@ def remove(path: Path) -> None:
 
 
 def _lock_of(path: Path) -> Path:
-    """The path of the lock of a file, beside the file itself, whatever links lead to it."""
+    """The path of the lock of a file, beside the file to which symbolic links lead."""
     target = target_of(path)
     return target.with_name(f"{target.name}.lock")
 

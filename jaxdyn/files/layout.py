@@ -25,7 +25,7 @@ class Layout(NamedTuple):
       version: the version that is written.
       writer: the function or option that writes such files, for messages.
       older: older versions that are read too, and whether their files have a digest of their
-        values, as some had before all files had one of their bytes.
+        values, which some had before digests were of bytes.
     """
 
     format: str

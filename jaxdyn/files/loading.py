@@ -1,4 +1,4 @@
-"""One `load` for files of every kind: each states its format, by which its reader is looked up.
+"""One `load` for files of every kind: the format that a file states determines its reader.
 
 Packages above this one register readers for their kinds when they are imported; the readers' own
 modules are imported when such a file is read. Nothing in a file is imported or executed.
@@ -61,7 +61,7 @@ def load(path: str | Path, *of: Any, **options: Any) -> Any:
       (True, 'pendulum')
     """
     kinds = _kinds(path)
-    # The last reader accepts most: that of diagrams also reads families of equilibria.
+    # The last reader accepts the most: the one for diagrams also reads families of equilibria.
     known = [reader for kind, reader in _READERS.items() if kind in kinds]
     if not known:
         got = f"{path} of {kinds[0]!r:.40}" if kinds else f"{path} without a format"
@@ -73,10 +73,10 @@ def load(path: str | Path, *of: Any, **options: Any) -> Any:
 
 
 def _kinds(path: str | Path) -> list[str]:
-    """The kinds that a file says it is of; there may be several for the file of a continuation."""
+    """The kinds that a file states; the file of a continuation may state several."""
     data = content(path, journal.MAX_BYTES, _REMEDY, "path")
     if data.startswith(_ARCHIVE):
-        return [_MOTION]  # the reader of motions says what is wrong with it
+        return [_MOTION]  # its reader reports what is wrong with it, if anything
     if not data.startswith(b"{"):
         wanted = "an archive (.npz) or a text of JSON that this library wrote"
         remedy = f"{_REMEDY} jaxdyn.read_csv reads tables, jaxdyn.ode makes scenes of equations."

@@ -1,8 +1,8 @@
 """Motions as files: archives of NumPy with the samples and a record of the scene.
 
 ``numpy.load(path)["ys"]`` has the samples; names of the k-th phase of a chain begin with "k/". The
-entry "motion.json" has the scene (for a batch, that of its first motion) and all else that is not
-an array.
+entry "motion.json" has the scene (for a batch, that of its first motion) and everything else that
+is not an array.
 """
 
 from collections.abc import Mapping
@@ -89,7 +89,7 @@ def load(
       path: path of the .npz file.
       scene: for a scene that holds functions, such as `jaxdyn.ode`, a scene with these functions;
         its numbers are replaced by those of the file. For a chain of phases, scenes by the names of
-        their phases. Not used for a scene that is in the file as a whole.
+        their phases. It is not used if the file has the whole scene.
     Returns:
       The motion, or the chain of phases, equal to the saved one to the bit.
     Raises:
@@ -139,9 +139,9 @@ def _first(piece: Trajectory) -> Trajectory:
 
 
 def _leaves(scene: Scene) -> dict[str, Any]:
-    """The numbers of a scene by their places in it, such as "scene.system.m"."""
+    """The numbers of a scene by their paths in it, such as "scene.system.m"."""
     found, _ = jax.tree_util.tree_flatten_with_path(scene)
-    return {f"scene{jax.tree_util.keystr(way)}": x for way, x in found}
+    return {f"scene{jax.tree_util.keystr(keys)}": x for keys, x in found}
 
 
 def _record(piece: Trajectory) -> dict[str, Any]:
@@ -169,7 +169,7 @@ def _arrays(piece: Trajectory) -> dict[str, np.ndarray]:
 def _shapes(
     scene: Scene, ts: np.ndarray, estimated: bool
 ) -> dict[str, tuple[str, tuple[int, ...]]]:
-    """Type and shape of each array of a motion, or batch, whose scene, or first scene, is given."""
+    """Type and shape of each array of a motion or a batch, from its scene or its first scene."""
     *batch, s = ts.shape or (0,)
     sizes = {"s": s, "k": len(scene.y0), "2": 2}
     wanted = dict(_ARRAYS)

@@ -1,9 +1,9 @@
 """Output files, which are checked before the work and replaced atomically.
 
 Every function that writes a file calls `writable` before its work, so that a missing folder, a
-read-only one or a full disk is reported at once; `replace` writes text atomically, `append` adds
-text that is on the disk when it returns. A new file has the mode that any program would give it, an
-existing one keeps its own; a symbolic link stays, and its target is written.
+read-only one or a full disk is reported at once; `replace` writes text atomically; `append` adds
+text, which is on the disk when it returns. A new file gets the usual mode, an existing one keeps
+its own; a symbolic link stays, and its target is written.
 """
 
 import errno
@@ -16,7 +16,7 @@ from pathlib import Path
 from jaxdyn._text import fail
 from jaxdyn.files.input_files import as_path
 
-_PROBE = 4096  # bytes that must fit: one block of most file systems
+_PROBE = 4096  # bytes that must fit on the disk: one block of most file systems
 
 
 def writable(path: str | Path, name: str = "path", suffixes: tuple[str, ...] = ()) -> Path:
@@ -71,7 +71,7 @@ def unwritable(path: str | Path, error: OSError, name: str = "path") -> ValueErr
 
 
 def target_of(path: Path) -> Path:
-    """The path of the file itself, where symbolic links lead to it.
+    """The path of the file to which symbolic links lead.
 
     Raises:
       OSError: the links have no end.

@@ -23,14 +23,14 @@ from jaxdyn.files.digests import DAMAGED
 from jaxdyn.files.journal import Journal
 from jaxdyn.files.layout import Layout
 
-_PATIENCE = 0.0  # [s] for another program that writes the file: it would go on for long
-#: Where an object is in memory, which the texts of some programs say.
+_PATIENCE = 0.0  # [s] to wait for another program that writes the file, which may take long
+#: The address of an object in memory, which the texts of some programs contain.
 _ADDRESS = re.compile(r"0x[0-9a-f]+")
 _ANOTHER = "Give another path, or delete the file."
 
 
 class Chunk(NamedTuple):
-    """Some rows.
+    """A chunk of rows.
 
     Attributes:
       rows: (n, m) the numbers.
@@ -57,7 +57,7 @@ class Rows:
     def compute(self, inputs: Any, function: Callable[[Any], np.ndarray]) -> np.ndarray:
         """The rows (n, m) of a function of inputs, which are a pytree of arrays with n rows.
 
-        Calls must come in the same order whenever a file is continued.
+        When a file is continued, calls must come in the same order as before.
         """
         n = len(jax.tree.leaves(inputs)[0])
         if self._whole:

@@ -118,15 +118,15 @@ def write_labelled(path: str | Path, labelled: Labelled) -> Path:
     return write_columns(path, names, zip(*(list(x.array) for x in named.values()), strict=True))
 
 
-#: Names of the column of times, in small letters.
+#: Names of the column of times, in lower case.
 _TIMES = ("t", "time")
 #: The head of a column: a name, and its unit in brackets if there is one.
 _HEAD = re.compile(r"(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?")
-#: Units of columns that are converted to SI units and radians, alone or in quotients such as deg/s.
+#: Units that are converted to SI units and radians, alone or in quotients such as deg/s.
 _CONVERTED = re.compile(r"deg(?:rees?)?|\N{DEGREE SIGN}|rpm|cm|mm|ms")
 #: How Fortran marks the exponent of a number, as in 1.5D-3.
 _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")
-#: A number with a decimal comma that cannot be one between thousands.
+#: A number with a decimal comma that cannot be a separator of thousands.
 _DECIMAL = re.compile(r"[+-]?(?![1-9]\d{0,2},\d{3}$)\d*,\d*(?:[eE][+-]?\d+)?")
 #: A number with several points or commas.
 _THOUSANDS = re.compile(r"[+-]?\d*([.,]\d*){2,}(?:[eE][+-]?\d+)?")
@@ -308,14 +308,14 @@ def _take_names(
 
 
 def _column_names(names: Sequence[str]) -> list[str]:
-    """The names of columns, with "t" for that of the times; T is a temperature beside another."""
+    """The names of columns, "t" for the times; beside such a column T is a temperature."""
     timed = any(name == "t" or name.casefold() == "time" for name in names)
     may_be = [name.casefold() in _TIMES and not (timed and name == "T") for name in names]
     return ["t" if time else name for name, time in zip(names, may_be, strict=True)]
 
 
 def _in_si(column: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
-    """A column and its unit; both in SI units where its unit is made of such that are converted."""
+    """A column and its unit, both in SI units if the unit contains one of `_CONVERTED`."""
     parts = re.split(r"[\s/*^\d-]+", unit)
     known = measure(unit)
     if known is None or not any(_CONVERTED.fullmatch(part) for part in parts):
@@ -326,9 +326,9 @@ def _in_si(column: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
 
 
 def _titles(lines: Sequence[str]) -> int:
-    """Number of lines before that of the names, the first with as many cells as one of numbers."""
+    """Number of lines above that of the names, the first with as many cells as lines of numbers."""
     first = (line for line in lines if _is_number(_first_cell(line).replace(",", ".")))
-    # In a table that begins with a column of text, the last line is one of them for certain.
+    # In a table whose first column is text, at least the last line is one of numbers.
     line = next(first, lines[-1])
     separator = _separator(line)
     count = len(_cells(line, separator))

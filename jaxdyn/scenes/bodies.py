@@ -51,7 +51,7 @@ def jack(m, moments, centre=(0.0, 0.0, 0.0)) -> MaterialPoints:
     return _jack(m, moments, jnp.asarray(centre, dtype=float))
 
 
-@jax.jit  # one program, where each operation by itself would be one at its first call
+@jax.jit  # one program; otherwise each operation is compiled by itself at its first call
 def _jack(m: Array, moments: Array, centre: Array) -> MaterialPoints:
     second = jnp.sum(moments) / 2 - moments  # sum of m x^2, of m y^2, of m z^2
     arm = jnp.sqrt(jnp.sum(second) / m)

@@ -92,7 +92,7 @@ def entry(name: str) -> Entry:
 def _check_maker(name: str, make: Callable[..., Any]) -> Callable[..., Scene]:
     """A function of the user, with a check that it returns a scene.
 
-    Equations that have the name of their rate, which is mostly "rate", are named after it instead.
+    A scene that has the name of its rate function, mostly "rate", is named after `make` instead.
     """
 
     @functools.wraps(make)
@@ -143,7 +143,7 @@ def build(name: str, settings: Mapping[str, str]) -> Scene:
 
 
 def build_smooth(name: str, settings: Mapping[str, str], t1=None) -> Scene:
-    """The same for what follows a motion without phases, which is checked up to t1, or in its span.
+    """The scene of `build`, if its motion stays in one phase up to t1, or in its span.
 
     Raises:
       ValueError: see `build`; or the motion leaves the phase in which it begins.

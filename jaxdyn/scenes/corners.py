@@ -65,7 +65,7 @@ def phases_of(scene: Scene) -> dict[str, Phase]:
 def check_one_phase(scene: Scene, t1=None) -> Scene:
     """The scene, if its motion up to t1, or in its span, stays in the phase in which it begins.
 
-    What follows the rate of a scene alone would go through a stop, or below the ground.
+    A function that uses only the rate of the scene would pass through a stop, or below the ground.
 
     Raises:
       ValueError: the motion leaves that phase, or begins in none.

@@ -3,8 +3,8 @@
 The phase of the drive is an entry of the state, an angle. The scenes are therefore autonomous, and
 a motion that repeats itself in step with the drive is a closed orbit.
 
-A body that meets its wall ever slower does so infinitely often in a finite time. It then rests on
-the wall, and leaves it when the wall would have to pull.
+A body whose impacts get ever slower hits its wall infinitely often in a finite time. It then rests
+on the wall, and leaves it when the wall would have to pull.
 
 References: Holmes (1982), J. Sound Vib. 84, 173; Shaw and Holmes (1983), J. Sound Vib. 90, 129;
 Nordmark (1991), J. Sound Vib. 145, 279.
@@ -352,7 +352,7 @@ class ImpactOscillator(WalledBody):
 
     def sketch(self, t, y):
         del t
-        # The point of the mass is its right face; the wall stands where the mass rarely comes.
+        # The coordinate is that of the right face; the wall is drawn where the mass rarely comes.
         known = self.k > 0
         static = jnp.abs(jnp.where(known, self.force / jnp.where(known, self.k, 1.0), 0.0))
         size = static + jnp.abs(self.stop)
@@ -403,7 +403,7 @@ def impact_oscillator(
 ) -> Scene:
     """A driven mass on a spring that hits a stop on its right.
 
-    Its rate does not know the stop: `phases_of` has its motion from impact to impact, for
+    Its rate does not include the stop: `phases_of` has its motion from impact to impact, for
     `jaxdyn.integrate.phases.simulate_phases`. Without impacts it oscillates with the amplitude
     F / sqrt((k - m w^2)^2 + (c w)^2), and it grazes a stop at this distance. Shaw and Holmes
     (1983), J. Sound Vib. 90, 129; Nordmark (1991), J. Sound Vib. 145, 279.

@@ -25,7 +25,7 @@ EIGHT += (0.93240737, 0.86473146)
 EIGHT_PERIOD = 6.3259140
 #: Two bodies of mass 1 and one of mass 0.3 in space: a stable periodic orbit [G = 1].
 TRIO = ((-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -7.85343346337253e-02))
-#: The velocities of the first two, and of the third by a total momentum of zero.
+#: The velocities of the first two; that of the third makes the total momentum zero.
 _TRIO_SPEEDS = (1.96265689129450e-01, 4.53772124061596e-03, -1.54272585548068e-02)
 TRIO_VELOCITIES = (
     _TRIO_SPEEDS,

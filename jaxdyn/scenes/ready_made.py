@@ -11,7 +11,7 @@ from jaxdyn.scene import Scene
 F = TypeVar("F", bound=Callable[..., Scene])
 
 
-#: The new names of parameters that have another one since version 0.3.
+#: Parameters that were renamed in version 0.3: the old name -> the new one.
 RENAMED = {"l": "length"}
 
 

@@ -21,7 +21,7 @@ from jaxdyn.system import UNIT, Points
 #: Radius of attracting masses in drawings; in the equations they are points.
 DRAWN = 0.02
 _MOON = 0.01215  # share of the Moon in the mass of Earth and Moon
-#: Largest entry of a start relative to the units of a pair: kilometres are beyond it.
+#: Entries of a start in the units of a pair are smaller than this; some in kilometres are larger.
 _MOST = 1e3
 
 

@@ -300,7 +300,7 @@ def spring_chain(
 
 
 def _entries(x) -> list:
-    """The numbers that are given for each, or the one for all; those of a tuple stay as they are.
+    """The numbers, one for each or one for all; those of a tuple stay as they are.
 
     So a zero beside a traced number, as in (k, 0.0), still leaves its effect out.
     """

@@ -167,13 +167,14 @@ def _sequences(scene: Scene, body: EulerBody, margin: Array) -> dict[str, Phase]
 
     def phase(old: EulerBody, new: EulerBody) -> Phase:
         return Phase(
-            _by(scene, old), (Exit(Locks(old, margin), new.sequence, InOtherAngles(old, new)),)
+            _with_mechanism(scene, old),
+            (Exit(Locks(old, margin), new.sequence, InOtherAngles(old, new)),),
         )
 
     return {body.sequence: phase(body, other), other.sequence: phase(other, body)}
 
 
-def _by(scene: Scene, mechanism) -> Scene:
+def _with_mechanism(scene: Scene, mechanism) -> Scene:
     return dataclasses.replace(scene, system=dataclasses.replace(scene.system, mechanism=mechanism))
 
 
@@ -197,12 +198,15 @@ def _quarters(scene: Scene, stick: Sideways, margin: float) -> dict[str, Phase]:
 
     def phase(axis: int, side: int) -> Phase:
         # The side is an array, so that both sides share one compiled search.
-        by = _by(scene, Sideways(m=stick.m, l=stick.l, axis=axis, side=jnp.asarray(float(side))))
+        by = _with_mechanism(
+            scene, Sideways(m=stick.m, l=stick.l, axis=axis, side=jnp.asarray(float(side)))
+        )
         across = InOtherCoordinate(by.system, 1 - axis)
-        ways = [
-            Exit(Reaches(0, way * level, way), _QUARTERS[1 - axis, way], across) for way in (-1, 1)
+        exits = [
+            Exit(Reaches(0, direction * level, direction), _QUARTERS[1 - axis, direction], across)
+            for direction in (-1, 1)
         ]
-        return Phase(by, tuple(ways))
+        return Phase(by, tuple(exits))
 
     own = stick.axis, 1 if stick.side > 0 else -1
     order = (own, *(quarter for quarter in _QUARTERS if quarter != own))

@@ -135,7 +135,7 @@ class RimlessWheel(StandsOnFoot):
     def on_two_spokes(self, y: Array) -> Array:
         """(2,) the state of a wheel at rest on its spoke and on the one that is nearer to landing.
 
-        Of the two, it is described relative to the same spoke as y.
+        The state is relative to the same spoke as y.
         """
         ahead = y[0] >= self.slope
         return jnp.stack([self.slope + jnp.where(ahead, self.half, -self.half), 0.0 * y[1]])
@@ -366,7 +366,7 @@ def simplest_walker(
 @check_first
 def walk_phases(scene: Scene) -> dict[str, Phase]:
     """The motion of a `simplest_walker` as a phase, which the strike of the other foot ends."""
-    # The foot is below the ground where the knee of another walker would bend, so the ground is no
-    # bound.
+    # The swing foot passes below the ground, where the knee of another walker would bend, so the
+    # ground is no bound.
     strikes = Exit(HeelStrikes(), "swing", changes_feet, one_sided=False)
     return {"swing": Phase(scene, (strikes,))}

@@ -115,7 +115,7 @@ class _Rest(NamedTuple):
     """How a slowly sliding car comes to rest."""
 
     time: Array  # () duration [s]
-    way: Array  # (2,) displacement of its centre of mass [m]
+    displacement: Array  # (2,) displacement of its centre of mass [m]
     turn: Array  # () rotation of the car [rad]
 
 
@@ -128,7 +128,7 @@ class SlideToRest(eqx.Module):
         """(6,) the state at rest."""
         del t
         rest = self._rest(y)
-        return jnp.concatenate([y[:2] + rest.way, y[2:3] + rest.turn, jnp.zeros(3)])
+        return jnp.concatenate([y[:2] + rest.displacement, y[2:3] + rest.turn, jnp.zeros(3)])
 
     def lasts(self, t: Array, y: Array) -> Array:
         """() time to rest [s]."""
@@ -226,7 +226,8 @@ def braking(scene: Scene) -> dict[str, Phase]:
     if friction is None:
         raise _checks.fail("scene", "a car with a locked axle", "none", "Give it mu > 0.")
     start = safe_norm(sliding_velocity(friction.ahead, scene.y0[:3], scene.y0[3:]))
-    # The neglected share of the last part is (u / whole)^2; the part is the share u / start of all.
+    # The terms neglected in the last part, from the speed u on, are a share (u / whole)^2 of it,
+    # and the last part is a share u / start of the whole stop.
     whole = jnp.sqrt(friction.mu * friction.load / numbers.m * jnp.abs(numbers.base))
     eps = jnp.finfo(start.dtype).eps
     slow = Slow(friction.ahead, eps * whole + jnp.cbrt(eps * start * whole**2))

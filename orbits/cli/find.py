@@ -146,11 +146,13 @@ def _strategy(
 
 def _remedy(orbit: "orbits.Orbit", scene: "jaxdyn.Scene", closing: str) -> str:
     remedy = _REMEDIES.get(orbit.outcome.name, _ELSEWHERE)
-    way = "" if closing != "plain" else orbits.closing.symmetric_closing(scene)
-    if not way:
+    symmetric = "" if closing != "plain" else orbits.closing.symmetric_closing(scene)
+    if not symmetric:
         return remedy
-    way = "--closing reversal" if "time_reversal" in way else f"in Python, {way}"
-    return f"{remedy} The start is symmetric: {way} needs half of the period and of the unknowns."
+    option = "--closing reversal" if "time_reversal" in symmetric else f"in Python, {symmetric}"
+    return (
+        f"{remedy} The start is symmetric: {option} needs half of the period and of the unknowns."
+    )
 
 
 def _closings(

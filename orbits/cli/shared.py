@@ -38,7 +38,7 @@ SaveOption = Annotated[Path | None, output_option(writable, "Write a file (.json
 
 
 def scene_of_file(name: str | None, settings: list[str] | None) -> "jaxdyn.Scene | None":
-    """The scene of the user whose functions an orbit file lacks, by --scene and --set."""
+    """The scene of the user, by --scene and --set, for an orbit file without its functions."""
     if name is None:
         if settings:
             raise fail("--set", "none without --scene", ", ".join(settings))

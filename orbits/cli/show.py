@@ -105,16 +105,16 @@ def _heading(
 ) -> str:
     """The heading, with the contents of a file and how they were computed."""
     what = "Orbit" if family is None else "Family of orbits"
-    ways = [f"integrated at rtol {_text.brief(orbit.rtol)}"]
-    ways += ["by an implicit method"] * orbit.stiff
-    ways += ["in logarithmic time"] * (orbit.s_period is not None)
-    ways += [f"by collocation on {len(orbit.mesh)} intervals"] if orbit.mesh else []
+    methods = [f"integrated at rtol {_text.brief(orbit.rtol)}"]
+    methods += ["by an implicit method"] * orbit.stiff
+    methods += ["in logarithmic time"] * (orbit.s_period is not None)
+    methods += [f"by collocation on {len(orbit.mesh)} intervals"] if orbit.mesh else []
     rows = [
         ("file", str(file)),
         ("along", "" if family is None else family.parameter or "its energy and period"),
         ("closing", orbit.closing.name),
         ("turned", _text.brief(orbit.angle, "rad") if orbit.closing.turns else ""),
-        ("found", ", ".join(ways)),
+        ("found", ", ".join(methods)),
     ]
     return _text.table(f"{what} of {_text.title_of(orbit.scene)}", rows)
 

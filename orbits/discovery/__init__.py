@@ -5,8 +5,8 @@ scene's own motion, `several` all orbits to which a few guesses lead, `screening
 returns of many motions, `chunks` processes one batch, `search` all of them, `journal` is the file
 of results, `plane` the search among three equal bodies, `figure_eight` the path from a rough guess
 to Montgomery's figure-eight. `basins` says to which attractor each start goes, `map_basins` that of
-a map; `settling` is what they share, `tipping` how basins change along a parameter. `workers` is
-what is done to scenes that an executor sends to other processes.
+a map; `settling` is what they share, `tipping` how basins change along a parameter. `workers` packs
+scenes for the processes of an executor.
 
 May import: `analysis`.
 

@@ -51,11 +51,11 @@ from orbits.shooting.finding import find
 _RTOL = 1e-8
 #: Relative to the sizes of the entries: how close a return must be to be tried as a period.
 _RETURNED = 0.03
-_SAMPLES = 4000  # samples of a motion in which returns are sought, and of an orbit
+_SAMPLES = 4000  # samples of a motion that is searched for returns, and of an orbit
 _PERIODS = 16  # longest orbit that is searched for, in periods of the forcing
 _CLOUD = 20_000  # points of a chaotic attractor
-_LARGER = 2.0  # ratio of the second half of a motion to the first from which on it is unbounded
-_EXPONENT_SPANS = 10.0  # spans of the exponents of a chaotic motion
+_LARGER = 2.0  # a motion whose second half is larger than its first by this factor is unbounded
+_EXPONENT_SPANS = 10.0  # number of spans over which the exponents of a motion are computed
 _SIZED = 8  # motions whose extent determines the sizes of the entries
 
 
@@ -88,9 +88,9 @@ def basins(
       rtol: relative tolerance of a step.
       path: file (.jsonl) to which the ends of motions are written as they are computed; the same
         call resumes from it where it was interrupted, with the same result.
-      executor: runs the motions of a round, 16 384 at a time: processes, or Dask's, on several
-        machines. It is sent the scene, whose functions must then be module-level. By default they
-        run here, on all cores.
+      executor: runs the motions of a round, 16 384 at a time, in processes or, with Dask's, on
+        several machines. It is sent the scene, whose functions must then be module-level. By
+        default they run here, on all cores.
       progress: show a bar of the motions that run here.
     Returns:
       Labels, verified attractors, fractions with bars.
@@ -115,14 +115,14 @@ def basins(
     axes = as_axes(grid, labels)
     check_rounds(rounds, refine, axes)
     span = float(_checks.positive("t1", scene.t1 if t1 is None else t1))
-    turn = _period(scene, period)
-    span = span if turn is None else turn * np.ceil(span / turn * (1 - 1e-12))
+    forcing = _period(scene, period)
+    span = span if forcing is None else forcing * np.ceil(span / forcing * (1 - 1e-12))
     entries = [labels.index(name) for name in axes]
     title, start = _text.title_of(scene), np.asarray(scene.y0)
     program = program_text(lambda scene, t, y: scene.rate(t, y), scene, 0.0, scene.y0)
     of = (program, scene, axes, entries, span, rounds, refine, rtol)
     with rows_in(path, LAYOUT, of, CHUNK, executor) as kept:
-        motions = _Motions(scene, span, turn, rounds, rtol, kept, progress)
+        motions = _Motions(scene, span, forcing, rounds, rtol, kept, progress)
         return over_grid(motions, axes, start, entries, refine, scene=scene, title=title)
 
 
@@ -137,7 +137,7 @@ def _period(scene: Scene, period: float | None) -> float | None:
 
 
 def _states_after(scene: Scene, span, rtol: float, progress: bool, y0s: np.ndarray) -> np.ndarray:
-    """(n, k) states after a round from starts; called by an executor, too."""
+    """(n, k) states at the end of a round from these starts; an executor may call this."""
     done = engine.run(unpack(scene), y0s, span, rtol=rtol, progress=progress)
     return np.where(np.asarray(done.ok)[:, None], done.y1, np.nan)
 
@@ -145,14 +145,14 @@ def _states_after(scene: Scene, span, rtol: float, progress: bool, y0s: np.ndarr
 class _Motions(Settling):
     """The motions of a scene; for a driven one, the states once in each period of the forcing."""
 
-    def __init__(self, scene, span, turn, rounds, rtol, kept, progress):
+    def __init__(self, scene, span, forcing, rounds, rtol, kept, progress):
         super().__init__(span, rounds, len(scene.y0), kept)
-        self.scene, self.turn = scene, turn
+        self.scene, self.drive_period = scene, forcing
         self.rtol, self.progress = rtol, progress
 
     @property
     def is_curve(self):
-        return self.turn is None
+        return self.drive_period is None
 
     @property
     def ends(self):
@@ -160,7 +160,7 @@ class _Motions(Settling):
         return functools.partial(_states_after, *given)
 
     def largest(self, y0s):
-        # From some motions, since motions that end at rest have moved before.
+        # From whole motions, since those that end at rest have moved before.
         some = y0s[:: max(len(y0s) // _SIZED, 1)]
         scenes = (self.scene.starting(y, self.span) for y in some)
         motions = [jaxdyn.simulate(scene, throw=False).ys for scene in scenes]
@@ -177,12 +177,12 @@ class _Motions(Settling):
 
     def attractor(self, y, last):
         scene = self.scene.starting(y, self.span)
-        if self.turn is None:
+        if self.drive_period is None:
             rest = np.asarray(equilibrium(scene, y))
             if np.isfinite(rest).all() and self.apart(rest[None], y)[0] < NEWTON:
                 known = [a.points for a in self.attractors if a.kind == EQUILIBRIUM]
                 if any(self.apart(points, rest)[0] < REACHED for points in known):
-                    return None  # it is still on its way
+                    return None  # a known attractor that the motion still approaches
                 near = jaxdyn.linearize(scene, rest)
                 if near.verdict == "stable" and near.portrait != "centre":
                     real = np.asarray(near.eigenvalues).real
@@ -190,24 +190,24 @@ class _Motions(Settling):
         guess = self._return_time(scene, y)
         if guess is not None:
             orbit = find(scene, y, guess, throw=False)
-            # A slow approach may come near itself only after several periods.
+            # A motion that approaches slowly may return close enough only after several periods.
             if orbit.ok and (shortest := minimal_period(orbit))[1] > 1:
                 orbit = find(scene, orbit.y0, shortest[0], throw=False)
             if orbit.ok and self.apart(np.asarray(orbit.y0)[None], y)[0] < NEWTON:
                 orbits = [a for a in self.attractors if a.kind == ORBIT]
                 if any(self.is_near(a, np.asarray(orbit.y0)[None])[0] for a in orbits):
-                    return None  # it is still on its way
+                    return None  # a known attractor that the motion still approaches
                 known = stability(orbit)
                 size = np.abs(np.asarray(known.nontrivial))
-                # Not only stable: it attracts, and is not one of a family, as by an integral.
-                alone = known.unit == (1 if self.turn is None else 0)
+                # Only the flow has a multiplier of 1: the orbit is not one of a family.
+                alone = known.unit == (1 if self.drive_period is None else 0)
                 if alone and (size + np.asarray(known.bars) < 1).all():
                     return self._of_orbit(orbit, size, np.asarray(known.bars))
         return self._chaotic(self.beside(y)) if last else None
 
     def _of_orbit(self, orbit: Orbit, multipliers: np.ndarray, bars: np.ndarray) -> Attractor:
         period = float(orbit.period)
-        count = _SAMPLES if self.turn is None else max(round(period / self.turn), 1)
+        count = _SAMPLES if self.drive_period is None else max(round(period / self.drive_period), 1)
         ts = np.arange(count) / count * period
         points = np.asarray(orbit.y0)[None]
         if count > 1:
@@ -218,9 +218,9 @@ class _Motions(Settling):
         return Attractor(ORBIT, points, orbit, exponents, bars / size / period)
 
     def _return_time(self, scene: Scene, y: np.ndarray) -> float | None:
-        """The time after which a motion first returns, if it does."""
-        if self.turn is not None:
-            ts = self.turn * np.arange(1, _PERIODS + 1)
+        """The time after which a motion first returns; None if it does not."""
+        if self.drive_period is not None:
+            ts = self.drive_period * np.arange(1, _PERIODS + 1)
             motion = jaxdyn.simulate(scene, ts[-1], samples=ts, throw=False)
             back = np.flatnonzero(self.apart(np.asarray(motion.ys), y) < REACHED)
             return float(ts[back[0]]) if len(back) else None
@@ -240,14 +240,14 @@ class _Motions(Settling):
         scene = self.scene.starting(start, self.span)
         found = lyapunov_exponents(scene, _EXPONENT_SPANS * self.span, throw=False)
         exponents, bars = np.asarray(found.exponents), np.asarray(found.bars)
-        # Where volumes are kept, nothing attracts.
+        # Where volumes are preserved, nothing attracts.
         if not (exponents[0] - bars[0] > 0 and exponents.sum() < -CONTRACTS * exponents[0]):
             return None
-        if self.turn is None:
+        if self.drive_period is None:
             time = _EXPONENT_SPANS * self.span
             ts = np.linspace(0.0, time, _CLOUD)
         else:
-            ts = self.turn * np.arange(_CLOUD // 4)
+            ts = self.drive_period * np.arange(_CLOUD // 4)
         points = np.asarray(jaxdyn.simulate(scene, ts[-1], samples=ts, max_steps=10**8).ys)
         early, late = np.array_split(np.abs(points), 2)
         if (late.max(axis=0) > _LARGER * early.max(axis=0)).any():

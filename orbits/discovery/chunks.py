@@ -30,7 +30,7 @@ from orbits.motion import gravitates, quick_solve
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting.finding import find
 
-#: An orbit is verified if another integrator's closing error, over its size, is below this.
+#: An orbit is verified if its closing error by another integrator is below this, in sizes.
 VERIFIED = 1e-7
 _GOAL = 1e-10  # Newton's method continues to rounding, which for some orbits is no lower
 _ITERATIONS = 15  # five suffice from a refined guess; more mean that there is no orbit
@@ -86,12 +86,12 @@ class Starts:
 
 
 def keep(orbit: Orbit) -> Orbit:
-    """The orbit."""
+    """The orbit, unchanged."""
     return orbit
 
 
 def no_label(orbit: Orbit) -> str:
-    """No label."""
+    """An empty label."""
     del orbit
     return ""
 
@@ -164,7 +164,7 @@ def work(plan: Plan, number: int) -> Chunk:
     # The shortest first, so that guesses of several periods are recognised.
     for i in np.lexsort((near.index, near.periods)):
         form = plan.normal(_guess(plan, near, i))
-        if near.periods[i] > plan.longest or any(earlier.leads(form) for earlier in tried):
+        if near.periods[i] > plan.longest or any(earlier.contains(form) for earlier in tried):
             continue
         orbit = _polish(plan, near.y0s[i], near.periods[i])
         tried.append(_Tried.of(form if orbit is None else orbit))
@@ -197,8 +197,8 @@ class _Tried(NamedTuple):
         ys = np.asarray(quick_solve(orbit.scene, orbit.period, ts=ts, rtol=1e-10).ys)
         return cls(orbit.period, np.append(ys, ys[:1], axis=0), each)
 
-    def leads(self, guess: Orbit) -> bool:
-        """Whether a guess lies on it, over a number of its periods."""
+    def contains(self, guess: Orbit) -> bool:
+        """Whether a guess lies on this orbit and has a multiple of its period."""
         times = guess.period / self.period
         y, whole = np.asarray(guess.y0), max(1, round(times))
         if abs(times - whole) > _TOGETHER * whole:
@@ -260,7 +260,7 @@ def _verify(plan: Plan, sample: int, orbit: Orbit) -> Find | None:
         return None
     try:
         label = plan.label(orbit)
-    except IntegrationError:  # a collision too close for its tolerance
+    except IntegrationError:  # the label's integration fails at a near collision
         return None
     return Find(
         sample=sample,

@@ -80,5 +80,5 @@ def _around(scene: Scene, side: int) -> np.ndarray:
     """(13,) the bounds on one side of the guess."""
     period = float(scene.t1)
     # A period of zero closes everything; the box must exclude it.
-    low_or_high = max(period - PERIOD_BOX, period / 2) if side < 0 else period + PERIOD_BOX
-    return np.append(np.asarray(scene.y0) + side * BOX, low_or_high)
+    bound = max(period - PERIOD_BOX, period / 2) if side < 0 else period + PERIOD_BOX
+    return np.append(np.asarray(scene.y0) + side * BOX, bound)

@@ -1,9 +1,9 @@
 """The file of a search: the results of each chunk, one line of JSON per chunk.
 
 The first line describes the search; each other line is the result of one chunk, written and
-flushed to disk at once. So a reader sees whole lines, an incomplete last line is ignored, and a
-search continues where its file ends, in whatever order chunks come. Several programs may write one
-file. Each line ends with a digest of the rest: a file that was edited is refused.
+flushed to disk at once. A reader therefore sees whole lines; an incomplete last line is ignored. A
+search continues where its file ends, in whatever order the chunks were written. Several programs
+may write one file. Each line ends with a digest of the rest: a file that was edited is refused.
 """
 
 import dataclasses
@@ -25,9 +25,9 @@ from orbits.closing.closings import Closing
 from orbits.orbit import Orbit, Outcome
 
 LAYOUT = Layout("jaxdyn-search", 3, "a search")
-_PATIENCE = 60.0  # [s]; others write for milliseconds
+_PATIENCE = 60.0  # [s] to wait for other programs, each of which writes for milliseconds
 _ALIKE = 1e-6  # relative: invariants that differ by more belong to different orbits
-_ONE = 1e-8  # relative: starts this close are the same
+_SAME_START = 1e-8  # relative: starts this close are the same
 
 
 @dataclasses.dataclass(frozen=True)
@@ -135,7 +135,7 @@ def read(path: str | Path) -> tuple[dict[str, Any], list[Chunk]]:
 
 
 def _chunks(records: list[dict[str, Any]]) -> dict[int, Chunk]:
-    """The chunks of lines by number, the first one of each."""
+    """The chunks in the lines of a file by number; of several with one number, the first."""
     found = [decode(record, Chunk, "path", DAMAGED, lines=True) for record in records]
     for find in (find for chunk in found for find in chunk.finds):
         if not (np.isfinite([*find.y0, find.period]).all() and find.closing in (0, 1)):
@@ -154,7 +154,8 @@ def distinct(
     for find in finds:
         alike = [k for k in kept if abs(k.invariant - find.invariant) <= _ALIKE * k.invariant]
         if any(
-            np.abs(np.subtract(k.y0, find.y0)).max() <= _ONE * max(map(abs, k.y0)) for k in alike
+            np.abs(np.subtract(k.y0, find.y0)).max() <= _SAME_START * max(map(abs, k.y0))
+            for k in alike
         ):
             continue
         orbit = find.orbit(scene, closings, rtol) if alike else None

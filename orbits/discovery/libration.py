@@ -24,7 +24,8 @@ from jaxdyn._checks import array, check_first, choice, fail, positive, whole
 from jaxdyn.scenes.restricted import RestrictedProblem, libration_point, restricted
 from orbits.discovery.seeds import Seed
 
-_FLAT, _ACROSS = 0.05, 0.1  # amplitudes relative to the distance of the point from the nearest body
+#: Default amplitudes relative to the distance of the point from the nearest body.
+_PLANAR, _VERTICAL = 0.05, 0.1
 _NEAR = 0.5  # radius of a distant retrograde orbit, relative to that of Hill's sphere
 
 
@@ -104,7 +105,7 @@ def near_libration_point(
     if size is not None and not size < 1:
         wanted = f"less than the distance of the two bodies, {units[0]:g}"
         raise fail("amplitude", wanted, amplitude, "It is in the scene's unit of length.")
-    guess = kind.made(float(system.mu), place, size)
+    guess = kind.guess(float(system.mu), place, size)
     if not guess.period > 0:  # far beyond where the series means anything
         remedy = "Begin with a smaller orbit, and follow the family."
         raise fail("amplitude", "one for which the series has a period > 0", amplitude, remedy)
@@ -206,17 +207,17 @@ def _linear(mu: float, x: float) -> _Linear:
 def _lyapunov(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
     x = float(place[0])
     point = _linear(mu, x)
-    size = _FLAT * point.gamma if amplitude is None else amplitude
+    size = _PLANAR * point.gamma if amplitude is None else amplitude
     return _across(x - size, 0.0, point.k * point.turn * size, 2 * math.pi / point.turn)
 
 
 def _vertical(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
     x, y = map(float, place)
     if y:
-        size = _FLAT if amplitude is None else amplitude
+        size = _PLANAR if amplitude is None else amplitude
         return _about_triangular(mu, place, np.array([0.0, 0.0, size]), 1.0)
     point = _linear(mu, x)
-    size = _ACROSS * point.gamma if amplitude is None else amplitude
+    size = _VERTICAL * point.gamma if amplitude is None else amplitude
     return _across(x, size, 0.0, 2 * math.pi / math.sqrt(point.c[0]))
 
 
@@ -240,16 +241,16 @@ def _triangular(mu: float, place: np.ndarray, amplitude: float | None, *, sign: 
     turn, mixed = math.sqrt(square), 1.5 * float(place[1]) * (1 - 2 * mu)
     # From x'' - 2 y' = 3/4 x + mixed y, with x = exp(i turn t) and y = ratio exp(i turn t).
     ratio = -(square + 0.75) / complex(mixed, 2 * turn)
-    size = _FLAT if amplitude is None else amplitude
+    size = _PLANAR if amplitude is None else amplitude
     return _about_triangular(mu, place, size * np.array([1.0, ratio, 0.0]), turn)
 
 
 def _about_triangular(mu: float, place: np.ndarray, first: np.ndarray, turn: float) -> _Guess:
     """The oscillation Re(first exp(i turn t)) about L4 or L5 from t = 0, to second order.
 
-    The pull's quadratic terms move the oscillation's centre, and the body at twice its frequency.
-    Without them the guess would be far from any orbit for a small `mu`, which hardly holds a body
-    where it is along its circle about the first one.
+    The quadratic terms of the force shift the centre of the oscillation, and add one of twice the
+    frequency. Without them the guess would be far from any orbit for a small `mu`, for which the
+    restoring force along the circle about the first body is weak.
     """
     one = np.eye(3)
     third = np.zeros((3, 3, 3))  # derivatives of the potential
@@ -282,7 +283,7 @@ def _halo(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
     """Richardson's series, at the crossing with the largest z."""
     x = float(place[0])
     point = _linear(mu, x)
-    az = _ACROSS if amplitude is None else amplitude / point.gamma
+    az = _VERTICAL if amplitude is None else amplitude / point.gamma
     (c2, c3, c4), w, k = point.c, point.turn, point.k
     w2 = w * w
     d1 = 3 * w2 / k * (k * (6 * w2 - 1) - 2 * w)
@@ -355,9 +356,16 @@ _POINTS = ("L1", "L2", "L3", "L4", "L5")
 
 
 class _Family(NamedTuple):
-    """How a guess is made, near which points, whether in the plane, and whether of any size."""
+    """A family of orbits.
 
-    made: Callable[[float, np.ndarray, float | None], _Guess]
+    Attributes:
+      guess: (mu, place of the point, amplitude) -> a guess.
+      points: the points near which the family exists.
+      planar: whether its orbits lie in the plane.
+      sized: whether a guess may have any amplitude.
+    """
+
+    guess: Callable[[float, np.ndarray, float | None], _Guess]
     points: tuple[str, ...]
     planar: bool = True
     sized: bool = True

@@ -42,11 +42,11 @@ from orbits.discovery.settling import (
 from orbits.discovery.workers import pack, unpack
 
 _PERIODS = 32  # longest cycle that is searched for
-_RETURNS = 4  # numbers of steps of a return that are tried as the period
+_RETURNS = 4  # return times that are tried as the period
 _STEPS = 20  # steps of Newton's method for a cycle
 _EXACT = 1e-9  # largest closing error of a cycle, relative to the sizes
 _CLOUD = 20_000  # points of a chaotic attractor
-_BLOCKS = 20  # blocks of points, whose exponents give the bar
+_BLOCKS = 20  # blocks of steps; the spread of their exponents gives the error bar
 _BAR = 2.1  # standard errors of their mean in a 95 % interval: Student's t
 _FAR = 1e8  # relative to the largest entry of the grid: a start diverges beyond
 
@@ -173,7 +173,7 @@ def _exponents(step: _Map, y: Array, count: int) -> tuple[Array, Array]:
 
 
 def _states_after(step: _Map, count: int, far: float, y0s: np.ndarray) -> np.ndarray:
-    """(n, k) states after a round from starts; called by an executor, too."""
+    """(n, k) states at the end of a round from these starts; an executor may call this."""
     ys = np.asarray(_after(unpack(step), jnp.asarray(y0s), count))
     return np.where((np.abs(ys) < far).all(axis=1, keepdims=True), ys, np.nan)
 
@@ -213,7 +213,7 @@ class _Iterates(Settling):
             if self.apart(point[None], y)[0] < NEWTON and multipliers.max() < 1:
                 known = [one for one in self.attractors if one.kind in (FIXED, CYCLE)]
                 if any(self.is_near(one, point[None])[0] for one in known):
-                    return None  # it is on its way
+                    return None  # a known cycle that the start still approaches
                 sizes = np.maximum(multipliers, np.finfo(float).tiny)
                 exponents = np.sort(np.log(sizes) / period)[::-1]
                 kind = FIXED if period == 1 else CYCLE
@@ -228,7 +228,7 @@ class _Iterates(Settling):
         blocks = growth.reshape(_BLOCKS, -1, growth.shape[1]).mean(axis=1)
         exponents = blocks.mean(axis=0)
         bars = _BAR * blocks.std(axis=0, ddof=1) / np.sqrt(_BLOCKS)
-        # Where volumes are kept, nothing attracts; where a map is not invertible, they may grow.
+        # Where volumes are preserved, nothing attracts; in a map that folds they may grow.
         kept = abs(exponents.sum()) <= CONTRACTS * np.abs(exponents).max()
         if not exponents[0] - bars[0] > np.finfo(float).eps or (kept and len(exponents) > 1):
             return None

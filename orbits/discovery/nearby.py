@@ -27,16 +27,17 @@ from orbits.shooting.newton import Iteration
 from orbits.shooting.strategy import Strategy
 
 _TRIES = 3  # close returns tried
-#: Steps of a span in which close returns are searched for. With more, turns of the motion may be
-#: between two samples of `returns`; with fewer, it may have completed only a part of a turn. A span
-#: that replaces the scene's own has one to two times as many as the latter; a smooth turn has 3.
+#: Bounds on the steps of a span in which close returns are searched for. With more, whole turns of
+#: the motion may lie between two samples of `returns`; with fewer, it may have completed only a
+#: part of a turn. A span that replaces the scene's own has one to two times the lower bound; a
+#: smooth turn has 3.
 _MOST_STEPS, _FEWEST_STEPS = 2048, 64
-_SPANS = 20  # most spans in each direction, each some tens of times longer or shorter than the last
+_SPANS = 20  # most spans tried; each may be some tens of times longer or shorter than the last
 _RTOL = 1e-10  # as in `returns`
 #: A motion that does not preserve volumes may end on an attractor, perhaps a periodic orbit: how
 #: long it may take to come close to it, and how long close returns are searched for there [spans].
 _TRANSIENTS = ((30.0, 2.0), (300.0, 20.0))
-_NEAR = 0.25  # change of the start by an orbit near a guess, in extents of the guess's motion
+_NEAR = 0.25  # an orbit is near a guess whose start it changes by less, in extents of its motion
 _PRESERVED = 1e-9  # relative change of volumes over a span that rounding may cause
 
 
@@ -57,7 +58,7 @@ def search_near(
 
     `orbits.find` needs a guess of the period; this needs none. It takes the closest returns of the
     scene's own motion as guesses, and where none leads to an orbit and the motion does not
-    preserve volumes, those of the same motion after a transient: limit cycles are found so.
+    preserve volumes, those of the same motion after a transient, which finds limit cycles.
 
     Args:
       scene: system, effects, start.
@@ -65,7 +66,7 @@ def search_near(
         scene's own motion in its span, or in another span if that is much shorter or longer than a
         turn of the motion.
       closing: see `find`.
-      energy: that of the orbit; None for any.
+      energy: energy of the orbit; None for any.
       hold: names of entries of the scene's start that the orbit's start keeps.
       strategy: see `find`.
       segments: see `find`.
@@ -100,9 +101,10 @@ def search_near(
     if period is not None:
         orbit = near(None, period)
     else:
-        # A reversal needs a start that it leaves fixed, such as the scene's own may be.
+        # A reversal needs a start that it leaves fixed, as the scene's own start may be.
         movable = not hold and not isinstance(several[0], Reversal)
-        # The scene's own start, if that is periodic already, and no other orbit is asked for.
+        # First the scene's own start is tested, which may be periodic already; an orbit that is
+        # deflated does not count.
         own = strategy if isinstance(strategy, Deflated | Collocation) else AUTOMATIC
         orbit = _minimal(_near_returns(scene, movable, own, held, near), near)
     if throw and not orbit.ok:
@@ -149,19 +151,20 @@ def _minimal(orbit: Orbit, near: Callable[..., Orbit]) -> Orbit:
 def _nearer(
     scene: Scene, seed: Seed, orbit: Orbit, held: tuple, near: Callable[..., Orbit]
 ) -> Orbit:
-    """Of a family the member that keeps the entry of a guess that the orbit changes most.
+    """The member of its family that keeps the entry of a guess which the orbit changes most.
 
-    Newton's shortest steps are short in sizes, and beside a large one, as that of a position
-    measured from a far origin, they may reduce to nothing how far the motion moves: from the guess
-    of a halo orbit to a planar one. The orbit itself, if the other is not nearer.
+    Newton's method takes the step that is shortest relative to the sizes of the entries. Where a
+    size is large, such as that of a position measured from a far origin, a step may reduce the
+    extent of the motion to nothing: from the guess of a halo orbit it leads to a planar one.
+    Returns the orbit itself if the other one is not nearer.
     """
     if is_driven(scene) or _changes_volumes(scene, seed.period):
         return orbit  # it belongs to no family of the scene
     _, ys = sample(scene.starting(seed.y0), seed.period)
-    moved = extents(scene, seed.period, ys)
+    ranges = extents(scene, seed.period, ys)
 
     def off(found: Orbit) -> np.ndarray:
-        return np.abs(scene.system.difference(np.asarray(found.y0), seed.y0)) / moved
+        return np.abs(scene.system.difference(np.asarray(found.y0), seed.y0)) / ranges
 
     if off(orbit).max() <= _NEAR:
         return orbit
@@ -204,7 +207,8 @@ def _seeds(scene: Scene, movable: bool) -> Iterator[list[Seed]]:
 def _changes_volumes(scene: Scene, span: float) -> bool:
     """Whether the motion expands or contracts volumes anywhere, by Liouville's formula.
 
-    Where it leaves an unstable equilibrium it expands them first.
+    Each sample counts, not their sum: where a motion leaves an unstable equilibrium it expands
+    volumes first.
     """
     ts, ys = sample(scene, span)
     return bool((np.abs(_divergences(scene, ts, ys)) * span > _PRESERVED).any())
@@ -227,7 +231,7 @@ def _after(scene: Scene, span: float) -> Scene | None:
 
 
 def _spans(scene: Scene) -> Iterator[float]:
-    """The scene's own span, or the part of it that samples resolve, and then a longer one.
+    """The scene's own span unless it has too many steps, and, if it has too many or few, another.
 
     The number of steps of the integrator, which does not depend on units, indicates how many turns
     the motion completes in a span.
@@ -248,7 +252,7 @@ def _spans(scene: Scene) -> Iterator[float]:
 
 
 def _steps(scene: Scene, span: float) -> int:
-    """Steps of a motion over a span, or more than the limit; 0 where it fails.
+    """Number of steps of a motion over a span, at most twice `_MOST_STEPS`; 0 where it fails.
 
     Where the motion is stiff, they are those of the stiff method: those of an explicit one indicate
     the rate of decay, and not the turns.

@@ -3,7 +3,8 @@
 Positions (-1, 0), (1, 0), (0, 0), velocities (a, b), (a, b), (-2a, -2b), G = m = 1. Such a start
 is fixed by the time reversal R that exchanges the outer bodies and rotates the plane by half a
 turn, so every periodic motion from it returns to the fixed set of R after half of its period, up to
-a rotation: half the time to integrate, and a condition that no rotation of the plane spoils.
+a rotation. This halves the time to integrate, and a rotation of the plane does not spoil the
+condition.
 
 Reference: Suvakov, Dmitrasinovic (2013), Physical Review Letters 110, 114301.
 """
@@ -49,7 +50,7 @@ NAMED = {
 _WINDOW = 5.0  # length of a window of the period
 _ESCAPED = 8.0  # distance from the centre; orbits up to T = 70 stay within it
 _ALIKE = 1e-8  # relative; the eight and its nearest neighbour differ by 1.6e-7
-_NAMED_ALIKE = 1e-3  # of T |E|^(3/2), at the digits printed
+_NAMED_ALIKE = 1e-3  # relative, for T |E|^(3/2) computed from the printed digits
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,7 +71,7 @@ class Plane:
         return np.array([[*f.y0[6:8], f.period] for f in finds]).reshape(-1, 3)
 
     def families(self) -> int:
-        """Number of different pairs of word and T |E|^(3/2), a check of `same_orbit`."""
+        """Number of different pairs of word and T |E|^(3/2), to check `same_orbit`."""
         kept: list[Find] = []
         for f in self.found.finds:
             if not any(f.label == k.label and _near(f, k.invariant, _ALIKE) for k in kept):
@@ -131,7 +132,7 @@ def in_plane(orbit: Orbit) -> Orbit:
     r, v = r - r.mean(axis=0), v - v.mean(axis=0)
     size = np.linalg.norm(r[1])
     along = r[1] / size
-    # By time reversal, reflection and exchange of the outer bodies signs are free.
+    # Time reversal, reflection and exchange of the outer bodies make both signs arbitrary.
     a = abs(v[0] @ along) * np.sqrt(size)
     b = abs(along[0] * v[0, 1] - along[1] * v[0, 0]) * np.sqrt(size)
     scene = orbit.scene.starting(jnp.asarray(rows(np.array([[a, b]]))[0]), orbit.period / size**1.5)
@@ -139,7 +140,7 @@ def in_plane(orbit: Orbit) -> Orbit:
 
 
 def _names(found: SearchResult) -> tuple[str, ...]:
-    """Names of published orbits among those found, compared after refinement of the digits."""
+    """Published names of the orbits found; printed starts are refined before they are compared."""
     names = [""] * len(found)
     for name, (a, b, period) in NAMED.items():
         energy = -2.5 + 3 * (a * a + b * b)

@@ -25,17 +25,21 @@ MAX_STEPS = 5000
 _SCREENING, _REFINING = 1e-9, 1e-11  # tolerances
 _ROWS = 512  # rows of the compiled program's queue
 _BLOCK = 64  # guesses of one batch of Newton's method: one shape, one compilation
-#: Units of the period, as shares of its guess, of one run of Newton's method after the other. In
-#: radians it stays near the guess; where errors hardly grow the way to an orbit is long, and what
-#: is still on its way after the first run arrives with the period's own size.
+#: Units of the period, as shares of its guess, in the two runs of Newton's method. With the first,
+#: in which the period is 2 pi, it stays near the guess. Where errors hardly grow, an orbit may be
+#: far from the guess: one that has not converged in the first run does so in the second.
 _UNITS = (1 / (2 * np.pi), 1.0)
 _ITERATIONS = 20  # steps of each run
 _DIFFERENCE = 1e-6  # relative; the Jacobian is accurate to some 1e-4, enough for Newton's method
-_SOLVED = 1e-7  # closing error below which differences do not help
+_SOLVED = 1e-7  # closing error that finite differences do not reduce further
 _NEAR = 1e-6  # closing error below which `find` converges to this orbit
-_RANK = 1e-7
+_RANK = 1e-7  # relative: smaller singular values of the Jacobian count as zero
+#: The damping at first, its factors after a step that fails and one that reduces the residual, and
+#: the damping at which a guess is given up.
 _DAMPING, _GROW, _SHRINK, _HOPELESS = 0.1, 4.0, 0.25, 1e4
-_TRIVIAL, _ESCAPE = 0.02, 100.0  # shares of the guess's period and path; of its size
+#: Relative to the guess: the period or path length below which an orbit is a rest state, and the
+#: size beyond which it has escaped.
+_TRIVIAL, _ESCAPE = 0.02, 100.0
 
 
 class Guesses(NamedTuple):
@@ -54,7 +58,7 @@ class Guesses(NamedTuple):
     gaps: np.ndarray
 
     def take(self, which) -> "Guesses":
-        """Some of them."""
+        """The guesses with the given indices, a slice or an array."""
         return jax.tree.map(lambda column: column[which], self)
 
 
@@ -86,7 +90,7 @@ class Beyond(eqx.Module):
     limit: Array
 
     def __call__(self, t: Array, y: Float[Array, " k"]) -> Array:
-        """() bool."""
+        """() whether some entry is beyond its limit."""
         del t
         return (jnp.abs(y) > self.limit).any()
 
@@ -149,7 +153,7 @@ def sizes_of_starts(scene: Scene, y0s, longest: float) -> np.ndarray:
 
     Args:
       scene: the scene.
-      y0s: (n, k) starts of the motions; of their sizes each entry has the median, which single
+      y0s: (n, k) starts of the motions. The result is the median of their sizes, which single
         starts far away or near a collision hardly change.
       longest: longest period.
     """
@@ -166,15 +170,16 @@ def _at_starts(scene: Scene, y0s: Array, span: Array) -> Array:
 
 
 def refine(scene: Scene, closing: Closing, guesses: Guesses, each: np.ndarray) -> Guesses:
-    """The guesses that Newton's method moves close to an orbit, refined; `each` has the sizes."""
+    """Refined guesses, of those that Newton's method moves close to an orbit; `each`: sizes."""
     blocks = [
-        _newton_step(scene, closing, guesses.take(slice(i, i + _BLOCK)), each)
+        _refine_block(scene, closing, guesses.take(slice(i, i + _BLOCK)), each)
         for i in range(0, len(guesses.index), _BLOCK)
     ]
     return jax.tree.map(lambda *columns: np.concatenate(columns), *blocks) if blocks else guesses
 
 
-def _newton_step(scene: Scene, closing: Closing, guesses: Guesses, each: np.ndarray) -> Guesses:
+def _refine_block(scene: Scene, closing: Closing, guesses: Guesses, each: np.ndarray) -> Guesses:
+    """Newton's method for up to `_BLOCK` guesses; those that do not reach an orbit are dropped."""
     n = len(guesses.index)
     batch = _Batch(scene, closing, is_driven(scene), each)
     base = np.pad(guesses.y0s, ((0, _BLOCK - n), (0, 0)), constant_values=np.nan)
@@ -190,7 +195,7 @@ def _newton_step(scene: Scene, closing: Closing, guesses: Guesses, each: np.ndar
         busy = np.isfinite(norm) & (np.abs(f).max(axis=1) > _SOLVED) & (damping < _HOPELESS)
         if not busy.any():
             break
-        new = np.full_like(x, np.nan)  # finished guesses cost nothing
+        new = np.full_like(x, np.nan)  # NaN for finished guesses, which then cost nothing
         steps = _steps(f[busy], jac[busy] * units[busy, None], (damping * norm)[busy])
         new[busy] = x[busy] + steps * units[busy]
         new_f, new_jac = batch(new, base)
@@ -226,11 +231,11 @@ class _Batch(NamedTuple):
     each: np.ndarray  # (k,) sizes of the entries of a state, in which residuals are measured
 
     def starts(self, x: np.ndarray, base: np.ndarray) -> np.ndarray:
-        """(b, k)."""
+        """(b, k) starts of the guesses."""
         return np.asarray(_starts(self.scene.system, self.closing, x[:, :-1], base))
 
     def path(self, x: np.ndarray, base: np.ndarray) -> np.ndarray:
-        """(b,) length of the motion at its initial rate."""
+        """(b,) path lengths over the period at the initial speed."""
         return np.asarray(_speeds(self.scene, self.starts(x, base), self.each)) * x[:, -1]
 
     def __call__(self, x: np.ndarray, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -271,7 +276,7 @@ def _speeds(scene: Scene, y0s: Array, each: Array) -> Array:
 def _residual(
     scene: Scene, closing: Closing, rows: Array, ends: Array, starts: Array
 ) -> tuple[Array, Array]:
-    """The residual of the closing condition, and its derivative by the end time."""
+    """The residual of the closing condition, and its derivative with respect to the end time."""
 
     def one(end, start):
         rate = scene.rate(jnp.zeros(()), end)

@@ -55,8 +55,8 @@ def modes(scene: Scene, y, amplitude: float) -> list[Seed]:
     Args:
       scene: a conservative scene.
       y: (k,) an equilibrium, e.g. of `jaxdyn.equilibria`.
-      amplitude: displacement of the entry that is displaced most, beside its size, in its unit; of
-        several the first, as of an angle and its velocity.
+      amplitude: displacement, in its unit, of the entry that is displaced most relative to its
+        size; of several such entries the first, as of an angle and its velocity.
     Returns:
       The seeds, the slowest first.
     Raises:
@@ -108,11 +108,11 @@ def returns(
       shortest: shortest period.
       most: largest number of seeds.
     Returns:
-      Seeds at local minima of the residual over start and period, of samples. Its entries are
+      Seeds at local minima, over sampled starts and periods, of the residual. Its entries are
       measured by how far they, or others of their unit, move in the run.
     Raises:
-      ValueError: not 0 <= `shortest` < `longest` <= `span`, or `span` is so long that no return can
-        be told in its 2048 samples.
+      ValueError: not 0 <= `shortest` < `longest` <= `span`, or `span` is so long that its 2048
+        samples do not resolve a return.
     """
     _check_periods(span, shortest, longest)
     count = _SAMPLES
@@ -124,7 +124,7 @@ def returns(
         least = (low + 2) * ts[1] * closing.parts
         remedy = f"The run has {count} samples, one every {ts[1]:.3g}. Choose a shorter span."
         raise fail("longest", f"at least {least:.3g}", longest, remedy)
-    units = jnp.asarray(closing.residual_units(_extents(scene, span, np.asarray(flow.ys))))
+    units = jnp.asarray(closing.residual_units(_return_sizes(scene, span, np.asarray(flow.ys))))
     misses = np.asarray(_miss_table(ClosingGap(scene.system, closing, units), flow.ys, low, high))
     around = np.pad(misses, 1, constant_values=np.inf)
     rows, columns = misses.shape
@@ -138,11 +138,11 @@ def returns(
     return [Seed(ys[i], float(ts[low + j] * closing.parts)) for i, j in found]
 
 
-def _extents(scene: Scene, span: float, ys: np.ndarray) -> np.ndarray:
+def _return_sizes(scene: Scene, span: float, ys: np.ndarray) -> np.ndarray:
     """(k,) the sizes in which returns of a motion, samples (s, k), are measured.
 
-    They are those of its extent. Those of its entries would depend on where the origin is: seen
-    from a barycentre that is far away, all motions around a libration point close.
+    They follow from its extent. The magnitudes of its entries would depend on the origin: relative
+    to a barycentre that is far away, all motions around a libration point nearly close.
     """
     each = extents(scene, span, ys)
     return sizes_along(scene, each[None], np.zeros_like(each))
@@ -151,7 +151,8 @@ def _extents(scene: Scene, span: float, ys: np.ndarray) -> np.ndarray:
 def extents(scene: Scene, span: float, ys: np.ndarray) -> np.ndarray:
     """(k,) how far each entry moves in samples (s, k) of a motion.
 
-    A motion that escapes says nothing about those that close, nor does one at rest to rounding.
+    They are bounded from both sides, since neither a motion that escapes nor one at rest to
+    rounding shows how far those that close move.
     """
     each = sizes_of_starts(scene, scene.y0[None], span)
     known = ys[np.isfinite(ys).all(axis=1)]
@@ -160,7 +161,7 @@ def extents(scene: Scene, span: float, ys: np.ndarray) -> np.ndarray:
 
 @eqx.filter_jit
 def _miss_table(gap: ClosingGap, ys: Array, low: int, high: int) -> Array:
-    """(s, high - low) norms of the residual of sample i + low + j from sample i."""
+    """(s, high - low) norms of the residual with which sample i + low + j closes on sample i."""
     count = len(ys)
 
     def row(i):
@@ -197,7 +198,7 @@ def line(reversal: Symmetry, low, high, shape) -> np.ndarray:
 
 
 def row(a: float, b: float, period: float) -> tuple[Scene, Seed]:
-    """A row of the tables of three equal bodies that start in line at rest about the middle one.
+    """A row of the tables of three equal bodies in line, without momentum and angular momentum.
 
     Positions (-1, 0), (1, 0), (0, 0); velocities (a, b), (a, b), (-2a, -2b); G = m = 1.
 

@@ -15,10 +15,13 @@ from orbits.orbit import Orbit
 
 #: Relative to the sizes of the entries: the distance within which an attractor is reached.
 REACHED = 1e-3
-NEWTON = 0.05  # the same for an attractor that Newton's method finds from the end of a motion
-#: Relative to the largest exponent: the least sum of the exponents of a chaotic attractor.
+NEWTON = 0.05  # the distance within which Newton's method may find one from the end of a motion
+#: Relative to the largest exponent: by how much the sum of the exponents of a chaotic attractor is
+#: at least below 0.
 CONTRACTS = 1e-6
-_CLOUD_SPACING = 4.0  # the same for a chaotic one, relative to its largest gaps
+#: The distance within which a chaotic attractor is reached, relative to the largest gaps between
+#: its points.
+_CLOUD_SPACING = 4.0
 _SD = 1.96  # standard deviations of a 95 % interval
 
 #: The file of the states in which motions end, and how many of them are in a line.
@@ -34,8 +37,8 @@ class Attractor(NamedTuple):
 
     Attributes:
       kind: "equilibrium", "orbit" or "chaotic"; for a map "fixed point", "cycle" or "chaotic".
-      points: (p, k) the equilibrium; an orbit, once in each period of a forcing if there is one; a
-        cycle; a cloud of points on a chaotic attractor.
+      points: (p, k) the equilibrium; points of the orbit, one for each period of a forcing if there
+        is one; the cycle; a cloud of points on a chaotic attractor.
       orbit: the orbit, if it is one.
       exponents: (e,) real parts of eigenvalues, Floquet exponents or Lyapunov exponents; for a map
         those of one step.
@@ -221,7 +224,8 @@ class Settling(abc.ABC):
       longest: time of the longest motions.
       computed: number of motions.
       sizes: (k,) sizes of the entries of a state.
-      tries: ends in succession without a new attractor before the search of a round stops.
+      tries: number of ends in succession without a new attractor after which the search of a round
+        stops.
     """
 
     tries = 6
@@ -252,7 +256,7 @@ class Settling(abc.ABC):
 
     @abc.abstractmethod
     def wrap(self, ys: np.ndarray) -> np.ndarray:
-        """(n, k) states with angles within half a turn of one."""
+        """(n, k) the states, with angles within half a turn of those of a fixed state."""
 
     @abc.abstractmethod
     def attractor(self, y: np.ndarray, last: bool) -> Attractor | None:
@@ -277,7 +281,7 @@ class Settling(abc.ABC):
         return found
 
     def beside(self, y: np.ndarray) -> np.ndarray:
-        """A state (k,) near one, from which an attractor is reached too, but a saddle is not."""
+        """A state (k,) near `y`: an attractor is reached from it too, but a saddle is not."""
         return y + 0.5 * REACHED * self.sizes
 
     def apart(self, ys: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -321,7 +325,7 @@ class Settling(abc.ABC):
             open_ = np.flatnonzero((found < 0) & ~tried & np.isfinite(ends).all(axis=1))
             if not len(open_):
                 return
-            one = open_[failed * len(open_) // self.tries]  # not beside those that failed
+            one = open_[failed * len(open_) // self.tries]  # far from those that failed
             tried[one] = True
             new = self.attractor(ends[one], last)
             if new is None:

@@ -1,8 +1,8 @@
-"""All orbits that are found from several guesses: Newton's method with those found deflated.
+"""All orbits that several guesses lead to: Newton's method with the orbits found so far deflated.
 
 Plain Newton's method leads from a guess to one orbit at most, and from many guesses to the same few
-orbits again. With the orbits found so far deflated (see `orbits.shooting.deflation`) each guess
-leads to further ones, until none is found.
+orbits again. With deflation (see `orbits.shooting.deflation`) each guess leads to further ones,
+until none is found.
 """
 
 from collections.abc import Callable, Sequence
@@ -49,7 +49,7 @@ def find_all(
       hold: see `find`; hold the energy of a conservative scene, whose orbits form families.
       goal: see `find`.
       rtol: see `find`.
-      max_iterations: Newton steps at most for each orbit, and for each guess until it is given up.
+      max_iterations: most Newton steps for an orbit; after as many without one a guess is given up.
       most: largest number of orbits.
       report: called with each orbit as it is found, so that an interrupted run leaves what it has.
     Returns:
@@ -110,6 +110,6 @@ def find_all(
 def over_shortest_period(orbit: Orbit, closest: Callable[..., Orbit]) -> Orbit | None:
     """The orbit over its shortest period, found by ``closest(y0, period, closing)``; or None."""
     shortest, times = minimal_period(orbit) if orbit.ok else (orbit.period, 1)
-    # The shortest period may close plainly only.
+    # Over the shortest period the orbit may satisfy plain closing only.
     again = (closest(orbit.y0, shortest, closing) for closing in (orbit.closing, PLAIN))
     return next((x for x in (again if times > 1 else (orbit,)) if x.ok), None)

@@ -1,8 +1,8 @@
 """Basins along a parameter: their fractions, and where attractors appear and disappear.
 
-Attractors at neighbouring values of the parameter are the same if they are closest to each other,
-and not too far apart. Where one has no such neighbour, a motion that follows it tips to another
-attractor.
+Attractors at neighbouring values of the parameter are paired so that the sum of their distances is
+least; a pair that is not too far apart is the same attractor. Where one has no such neighbour, a
+motion that follows it tips to another attractor.
 """
 
 import dataclasses
@@ -152,7 +152,7 @@ def basin_fractions(
 
 
 def _same(last: list[Attractor | None], basins: Basins, within: float) -> dict[int, int]:
-    """The number in the list of each attractor that is one of those before."""
+    """For each attractor that was there at the last value: its number -> its index in `last`."""
     there = [i for i, one in enumerate(last) if one is not None]
     if not there or not basins.attractors:
         return {}
@@ -176,6 +176,6 @@ def _sizes(attractors: list, basins: Basins) -> np.ndarray:
 
 
 def _apart(a: Attractor, b: Attractor, sizes: np.ndarray) -> float:
-    """Distance of the middles of two attractors, relative to sizes."""
+    """Distance of the centroids of two attractors, relative to sizes."""
     middles = (one.points.mean(axis=0) / sizes for one in (a, b))
     return float(np.abs(np.subtract(*middles)).max())

@@ -20,7 +20,7 @@ from orbits.drawing.families import MARKS, orbit_stretches
 from orbits.families.diagram import Diagram, extremes
 from orbits.families.family import Family
 
-_SAME = 1e-9  # units of the parameter below which two values of it are one
+_SAME = 1e-9  # values of the parameter closer than this, in its units, are equal
 _MARGIN = 0.1  # part of the height beside the orbits
 
 
@@ -57,8 +57,8 @@ def diagram(
         for family in found.orbits
         for x in (*family.members, *family.special)
     }
-    # The orbits about a centre, all with one parameter, are drawn as far as the others reach.
-    others = [family for family in found.orbits if not _is_upright(family)]
+    # A family at a single parameter, as about a centre, is drawn only as far as the others reach.
+    others = [family for family in found.orbits if not _is_vertical(family)]
     if others and len(others) < len(found.orbits):
         ends = [rows[id(x)] for family in others for x in family.members]
         low, high = np.min(ends), np.max(ends)
@@ -82,7 +82,7 @@ def diagram(
     return finish(figure, path)
 
 
-def _is_upright(family: Family) -> bool:
+def _is_vertical(family: Family) -> bool:
     """Whether all members have one parameter."""
     parameters = [x.parameter for x in family.members]
     return bool(np.ptp(parameters) <= _SAME * min(x.point.units[-2] for x in family.members))

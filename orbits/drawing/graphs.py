@@ -48,7 +48,7 @@ def graph(
     colours = shades(len(found.families))
     for i, (family, colour) in enumerate(zip(found.families, colours, strict=True)):
         parts = orbit_stretches(family.members, family.special)
-        # Each line is thinner than the last, so that families of equal periods are all seen.
+        # Each line is thinner than the last, so that all families of equal periods are visible.
         width = _THIN + _WIDER * (1 - i / len(colours))
         draw_stretches(
             ax, parts, lambda x: (across(x), x.orbit.period), "_", color=colour, lw=width

@@ -38,7 +38,7 @@ def orbit_page(orbit: Orbit | HybridOrbit, path=None) -> PlayerPage:
     chain = isinstance(orbit, HybridOrbit)
     scene = _scene_of_chain(orbit) if chain else orbit.scene
     name = _text.title_of(scene).replace("_", " ")
-    # A chain starts at an event; a start aside may be beyond it.
+    # A chain starts at an event; a start beside it may lie beyond the event.
     return write_page(
         Choices({"": scene}, whole=True),
         path,
@@ -91,7 +91,7 @@ def family_page(family: Family | Listing, path=None) -> PlayerPage:
     periods = [entry.orbit.period for entry in entries]
     verdicts = [entry.verdict for entry in entries]
     time = _text.second(first.scene.labels())
-    # Several may have the same value, for example on both sides of a fold.
+    # The number makes names unique: the value may be the same, for example on both sides of a fold.
     numbered = zip(_numbers(entries), across, strict=True)
     names = [f"{number}, {what} = {_text.brief(x, unit)}" for number, x in numbered]
     kinds = ["" if entry.kind is None else str(entry.kind) for entry in entries]
@@ -127,7 +127,7 @@ def _numbers(entries: Sequence[Entry]) -> list[str]:
 
 
 def _with_special(members: Sequence[Entry], special: Sequence[Entry]) -> list[Entry]:
-    """The members with each special point between the two to which it is the least detour."""
+    """The members, with each special point inserted where the detour through it is least."""
     found = [*members]
     points = np.array([_place(entry) for entry in [*members, *special]])
     points = np.nan_to_num(points)  # a family without a parameter or energy has NaN throughout
@@ -138,14 +138,14 @@ def _with_special(members: Sequence[Entry], special: Sequence[Entry]) -> list[En
         line = np.array([places[id(one)] for one in found])
         away = np.linalg.norm(line - places[id(entry)], axis=1)
         steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
-        # Before the first and after the last member it is the distance to that.
+        # Before the first member the detour is the distance to it, and so after the last.
         detours = np.concatenate([away[:1], away[:-1] + away[1:] - steps, away[-1:]])
         found.insert(int(np.argmin(detours)), entry)
     return found
 
 
 def _place(entry: Entry) -> list[float]:
-    """The coordinates of an orbit among those of its family."""
+    """The numbers by which an orbit is placed among those of its family."""
     return [entry.parameter, entry.energy, entry.orbit.period, *np.asarray(entry.orbit.y0).tolist()]
 
 

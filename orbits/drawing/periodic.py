@@ -34,7 +34,7 @@ from orbits.orbit import Orbit
 
 _SAMPLES = 600
 _RTOL = 1e-10
-_BACK = 1e-6  # a state that differs by less from the start, in sizes, is the start
+_BACK = 1e-6  # a state that differs from the start by less, in sizes, has returned to it
 _FEW_STEPS = 5000
 _PANEL = 4.6  # inches wide
 _COLUMNS = 4  # most panels in a row
@@ -117,7 +117,7 @@ def orbits(
 
 
 def overview(orbit) -> Figure:
-    """The picture of an orbit in a notebook: untitled, and only if it takes seconds.
+    """The untitled picture of an orbit in a notebook, for orbits that take at most seconds.
 
     Where nothing moves in space, it shows the entries of the state over time.
 
@@ -174,7 +174,7 @@ def _velocities(
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Positions (n, d) of the bodies at the start, and their velocities scaled to arrows.
 
-    A scene without bodies is drawn by its state, whose velocity is the rate; so are its entries.
+    Where entries of the state are drawn, as for a scene without bodies, their velocity is the rate.
     """
     scene, t = first_scene(orbit), jnp.zeros(())
     y0 = jnp.asarray(orbit.y0)
@@ -184,7 +184,7 @@ def _velocities(
         start = scene.points(t, y0)[:2]
     r, v = map(np.asarray, start)
     fastest = np.linalg.norm(v, axis=1).max()
-    # A velocity that is only rounding, at a start at rest, has no direction.
+    # At rest the velocity is only rounding, which has no direction.
     moves = fastest > _AT_REST * width / float(orbit.period)
     return (r, v * (_ARROW * width / fastest)) if moves else None
 

@@ -18,10 +18,10 @@ from orbits.sections.coordinates import entry
 from orbits.sections.tables import SectionPoints
 
 _PANEL, _ABOVE = 4.4, 0.7  # inches
-_GRID = 300  # points each way, for the edge of the allowed region
+_GRID = 300  # points in each direction, for the edge of the allowed region
 _MARGINS = 0.1 * 1.5 ** np.arange(9)  # margins of a box around the points, relative to its size
-#: An extent below these shares of the position of the points, and of entries with the same unit, is
-#: rounding.
+#: An extent below the first share of the position of the points, or below the second share of the
+#: entries with the same unit, is rounding.
 _RESOLVED, _ROUNDING = 1e-6, 1e-8
 _SAME_ENERGY = 1e-9  # largest difference of energies on one energy surface, relative to their terms
 _POINTS = 4000  # number of points in a panel above which dots are smaller
@@ -35,8 +35,8 @@ def section(
 ) -> Figure:
     """A picture of the crossings of a section: a dot for each, in one colour for each start.
 
-    Where all starts have one energy, and it determines the state at a point of the section, the
-    edge of the region that it allows is drawn.
+    Where all starts have the same energy, and this determines the state at a point of the section,
+    the edge of the energetically allowed region is drawn.
 
     Args:
       points: what `orbits.section` returned, or several of them, drawn side by side.
@@ -103,7 +103,7 @@ def _extent(table: SectionPoints) -> tuple[np.ndarray, ...]:
 
 
 def _one_energy(table: SectionPoints) -> float | None:
-    """The energy that all starts have; None if there is none."""
+    """The common energy of all starts; None if there is none."""
     known = np.isfinite(table.energies) & (table.counts > 0)
     if not known.any():
         return None
@@ -130,7 +130,8 @@ def _edge(ax, table: SectionPoints) -> None:
         seen += [(q, p, least)] * int(outside.any())
         if whole:
             break
-    # Draw in the box that holds the whole region; for an open one in the first that shows an edge.
+    # Draw in the box that holds the whole region; if the region is open, in the first box that
+    # shows an edge.
     for q, p, least in seen[-1:] if whole else seen[:1]:
         ax.contour(q, p, least, levels=[energy], colors=INK, linewidths=1, linestyles="solid")
 

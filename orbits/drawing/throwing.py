@@ -15,8 +15,8 @@ from orbits.targets.launch import angle_of, landings, launch
 
 _WIDTH = 6.8  # inches
 _SAMPLES = 300
-_COURSES = np.linspace(-5.0, 5.0, 192)  # a number that fills calls of the compiled program
-_LOOK = 1e-7
+_COURSES = np.linspace(-5.0, 5.0, 192)  # a multiple of the throws in a call of the program
+_LOOK = 1e-7  # tolerance of the range at these courses
 
 
 @check_first

@@ -15,7 +15,7 @@ from jaxdyn.drawing.titles import heading
 from jaxdyn.files.output_files import picture_path
 from orbits.tori.torus import Torus
 
-_AROUND, _ALONG = 48, 60  # lines of the surface each way
+_AROUND, _ALONG = 48, 60  # lines of the surface in its two directions
 _RTOL = 1e-9
 _SIDE = 5.6  # inches
 
@@ -65,12 +65,12 @@ def _surface(found: Torus) -> tuple[np.ndarray, np.ndarray]:
             for y in found.at(theta)
         ]
     )
-    # A return turns the circle by rho; turned back in proportion to time, the lines close.
+    # A return rotates the circle by rho; rotated back in proportion to time, the lines close.
     return ts, _turn_back(flowed, found.rotation * ts / found.time)
 
 
 def _turn_back(flowed: np.ndarray, back: np.ndarray) -> np.ndarray:
-    """(n + 1, s, k) circles (n, s, k), each turned back by its angle `back` (s,), and closed."""
+    """(n + 1, s, k) circles (n, s, k), each rotated back by its angle `back` (s,), and closed."""
     n = len(flowed)
     modes = np.fft.rfft(flowed, axis=0)
     turn = np.exp(-1j * np.arange(len(modes))[:, None] * back[None])

@@ -60,8 +60,8 @@ def multipliers(found: Stability, path=None, *, title: str | None = None) -> Fig
 
 def _arrow(ax, value: complex) -> None:
     """An arrow from the unit circle towards a multiplier far outside, with its absolute value."""
-    way = np.array([value.real, value.imag]) / abs(value)
+    direction = np.array([value.real, value.imag]) / abs(value)
     look = {"arrowstyle": "-|>", "color": PALETTE[0], "lw": 1.6, "shrinkA": 0, "shrinkB": 0}
-    ax.annotate("", _FURTHEST * way, way, arrowprops=look)
-    beside = _FURTHEST * way + 0.13 * np.array([-way[1], way[0]])
+    ax.annotate("", _FURTHEST * direction, direction, arrowprops=look)
+    beside = _FURTHEST * direction + 0.13 * np.array([-direction[1], direction[0]])
     ax.text(*beside, f"{abs(value):.3g}", color=INK, fontsize=9, ha="center", va="center")

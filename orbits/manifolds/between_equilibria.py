@@ -1,4 +1,4 @@
-"""The search for a connection of equilibria: a strand passes the second, then ends come closer."""
+"""Connections of equilibria: from a strand that passes the second one, the ends move closer."""
 
 import math
 from collections.abc import Callable
@@ -158,13 +158,13 @@ def ends_at(chain: ConnectionEquations, x) -> tuple[SpectralSplit, Array, Spectr
     return chain.ends(chain.scene_at(chain.unpack(x)[1]))
 
 
-# ---- The search for a connection of equilibria: a strand passes the second, then ends come closer
+# ---- The search: from a strand that passes the second equilibrium, the ends are moved closer
 
 _FIRST = 1e-2  # first distance of the ends; all distances are in the sizes of the entries
 _SHORTER = 4.0  # ratio of successive distances
 _LEVELS = 14  # most distances that are tried
 _STRAND = 4000  # samples of the strand in which the approach is sought
-_LONGEST = 10.0  # slowest e-folding times that a strand lasts, by default, after leaving
+_LONGEST = 10.0  # default time of a strand after leaving, in slowest e-folding times
 _SAMPLES = 16  # samples of each link
 _BRANCHES = {"+": 1.0, "-": -1.0}
 
@@ -327,7 +327,7 @@ def _result(posed: ConnectionEquations, found, steps, last, error, iterations: i
     scene = posed.scene_at(p)
     first, _, second = ends_at(posed, found.x)
     alone = posed.make is None
-    change = abs(float(found.x[1] - last.x[1])) + float(found.doubt[1])
+    change = abs(float(found.x[1] - last.x[1])) + float(found.uncertainty[1])
     return Connection(
         scene=scene.starting(jnp.asarray(ys[0]), float(time)),
         parameter=np.nan if alone else float(p),

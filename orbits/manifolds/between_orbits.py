@@ -69,8 +69,8 @@ class OrbitChain(Links):
 
         y, v = jax.jvp(state, (self.starts[i],), (self.tangents[i],))
         # The phase enters to first order, which is all that its derivative needs.
-        rate, turn = jax.jvp(lambda y: self.base.rate(jnp.zeros(()), y), (y,), (v,))
-        y, v = y + rate * (phase - known), v + turn * (phase - known)
+        rate, tangent_rate = jax.jvp(lambda y: self.base.rate(jnp.zeros(()), y), (y,), (v,))
+        y, v = y + rate * (phase - known), v + tangent_rate * (phase - known)
         return y, y + step * v / jnp.linalg.norm(v / self.own[i])
 
     def open(self, x, steps):
@@ -119,7 +119,7 @@ _SAME_ENERGY = 1e-9  # difference of energies, relative to their terms, up to wh
 _SAME = 1e-6  # connections closer than this, in periods and in time, are the same
 _BEYOND = 0.1  # how far a crossing may lie beyond the end of a piece of a curve, in its length
 _SHIFTED = 10.0  # a shift of more than this many errors of the ends is a difference of energies
-_DIMENSIONS = 3  # dimensions of the level sets in which surfaces of motions meet along motions
+_DIMENSIONS = 3  # of the level sets in which two manifolds, as surfaces, meet along single motions
 
 
 class OrbitOptions(NamedTuple):
@@ -136,28 +136,28 @@ class OrbitOptions(NamedTuple):
     rtol: float
 
 
-def connect_orbits(a: Orbit, b: Orbit, asked: OrbitOptions) -> Connection:
+def connect_orbits(a: Orbit, b: Orbit, options: OrbitOptions) -> Connection:
     """A connection of two orbits; see `orbits.connect`."""
-    if asked.until is None:
+    if options.until is None:
         remedy = "Take a section that strands of both orbits cross, jaxdyn.integrate.events."
         raise _checks.fail("until", "a section for the connection of orbits", "none", remedy)
-    sides = tuple(_BRANCHES[_checks.choice("branch", asked.branch, _BRANCHES)])
+    sides = tuple(_BRANCHES[_checks.choice("branch", options.branch, _BRANCHES)])
     conserved = _check(a, b)
     found = [
         manifold(
             orbit,
             kind,
-            until=asked.until,
+            until=options.until,
             crossings=number,
-            time=asked.time,
-            strands=asked.strands,
+            time=options.time,
+            strands=options.strands,
             branch=side,
-            error=asked.error,
+            error=options.error,
             samples=2,
-            rtol=asked.rtol,
+            rtol=options.rtol,
         )
         for orbit, kind, number, side in zip(
-            (a, b), ("unstable", "stable"), asked.crossings, sides, strict=True
+            (a, b), ("unstable", "stable"), options.crossings, sides, strict=True
         )
     ]
     tangents = [(one.starts[0] - one.base[0]) * one.branches[0] / one.step_off for one in found]
@@ -169,10 +169,10 @@ def connect_orbits(a: Orbit, b: Orbit, asked: OrbitOptions) -> Connection:
         own=own,
         each=jnp.max(own, axis=0),
         conserved=conserved,
-        segments=asked.segments,
-        rtol=asked.rtol,
+        segments=options.segments,
+        rtol=options.rtol,
     )
-    return _polish(posed, (a, b), found, asked.which)
+    return _polish(posed, (a, b), found, options.which)
 
 
 def _check(a: Orbit, b: Orbit) -> bool:
@@ -246,7 +246,7 @@ def _alike(place: np.ndarray, other: np.ndarray) -> bool:
 def _unknowns(posed: OrbitChain, phases, times, turns, steps) -> np.ndarray:
     """The unknowns of the chain that consists of the motions from both ends to the section.
 
-    The second is moved by `turns` (k,), so that angles go on where the first ends.
+    The second is shifted by `turns` (k,), so that angles continue where the first ends.
     """
     whole = sum(times)
     nodes = whole * np.arange(1, posed.segments) / posed.segments
@@ -266,10 +266,10 @@ def _unknowns(posed: OrbitChain, phases, times, turns, steps) -> np.ndarray:
 def _crossings(scene: Scene, first: Manifold, last: Manifold, each: np.ndarray) -> list[tuple]:
     """Where the curves of strands' ends cross: signs, phases, times and turns, nearest first.
 
-    Signs, phases and times are those of both. Turns (k,) move the second's angles to the first's.
-    Curves are polygons here, in the sizes `each` (k,), and angles count modulo a turn. Two pieces
-    cross where the points at which their straight lines come nearest are on both pieces, and closer
-    than the longer piece is long.
+    Signs, phases and times are those of both. Turns (k,) shift the angles of the second to those of
+    the first. Curves are polygons here, in the sizes `each` (k,), and angles count modulo a turn.
+    Two pieces cross where the points at which their straight lines come nearest are on both pieces,
+    and closer than the longer piece is long.
     """
     (p, dp, of_p), (q, dq, of_q) = (_pieces(one, each) for one in (first, last))
     if not (len(p) and len(q)):

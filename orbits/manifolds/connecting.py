@@ -65,9 +65,10 @@ def connect(
     Returns:
       The motion, the parameter with its error, and an outcome.
     Raises:
-      ValueError: `a` or `b` is not an equilibrium, `a` has not exactly one unstable eigenvalue, `b`
-        has no stable one, `make` and `parameter` are not given together, or a number is out of
-        range; the orbits have different energies, or connections of them are not isolated.
+      ValueError: `a` or `b` is not an equilibrium, `a` does not have exactly one unstable
+        eigenvalue, `b` has no stable one, `make` and `parameter` are not given together, or a
+        number is out of range; the orbits have different energies, or connections of them are not
+        isolated.
       SearchError: the wanted error is not reached beside an orbit.
     Limits: host only; autonomous scenes without constraints. The connection found is the one
       nearest to the closest approach of strands; others may exist.
@@ -92,7 +93,7 @@ def connect(
         if make is not None or parameter is not None:
             remedy = "They are connected at each value of it."
             raise _checks.fail("make", "none for orbits", "one", remedy)
-        asked = OrbitOptions(
+        options = OrbitOptions(
             until=until,
             crossings=crossings if isinstance(crossings, tuple) else (crossings, crossings),
             branch="both" if branch is None else branch,
@@ -103,7 +104,7 @@ def connect(
             segments=segments,
             rtol=rtol,
         )
-        return connect_orbits(a, b, asked)
+        return connect_orbits(a, b, options)
     if until is not None:
         raise _checks.fail("until", "none for equilibria", "a section", "Leave it out.")
     branch = "+" if branch is None else branch

@@ -11,7 +11,7 @@ from jaxdyn._doors import renamed
 from jaxdyn.status import Code
 from orbits.orbit import Orbit
 
-_SAME = 1e-6  # ends that are nearer than this share of the largest entries on the way are one
+_SAME = 1e-6  # ends closer than this share of the largest entries of the motion are the same
 
 
 class ConnectionOutcome(Code):
@@ -64,8 +64,8 @@ class Connection:
     Attributes:
       scene: the scene, at the parameter found, starting at the first state.
       parameter: parameter at which the connection exists; NaN without one.
-      parameter_error: the change of the parameter with the last shortening of the ends, plus what
-        gaps as large as the goal would cause.
+      parameter_error: the change of the parameter when the ends were last shortened, plus that
+        which gaps as large as the goal would cause.
       limits: (2, k) the two equilibria, or the states of the orbits beside which it begins and
         ends.
       time: travel time between the ends [time of the scene].

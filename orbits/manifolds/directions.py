@@ -25,7 +25,7 @@ from orbits.orbit import Orbit
 
 #: Kinds of manifolds, and the sense of time in which their strands leave.
 SENSES = {"unstable": 1.0, "stable": -1.0}
-_WEIGHT = 0.1  # entries below this share of a vector's largest do not decide on its sign
+_WEIGHT = 0.1  # entries below this share of a vector's largest do not determine its sign
 _REST = 1e-8  # largest change of an equilibrium in the time of the fastest eigenvalue, in sizes
 _REAL = 1e-9  # relative imaginary part below which an eigenvalue is real
 #: Sine of the angle of two eigenvectors below which they do not span the plane of both eigenvalues.
@@ -90,7 +90,7 @@ def of_orbit(orbit: Orbit, kind: str, n: int, which: int, rtol: float) -> Direct
 
 
 def of_equilibrium(scene: Scene, y, kind: str, n: int, which: int | None) -> Directions:
-    """The tangents at an equilibrium: one of a curve, n on a circle of a surface."""
+    """The tangents at an equilibrium: one for a curve, n on a circle for a surface."""
     y = np.asarray(_checks.array("orbit", y, scene.y0.shape, "An equilibrium is a state."))
     each, sense = sizes_at_rest(scene, y), SENSES[kind]
     near = classify(map_in_units(linearize(scene, y).jacobian, each))
@@ -129,7 +129,7 @@ def of_equilibrium(scene: Scene, y, kind: str, n: int, which: int | None) -> Dir
 
 
 def _choose(wanted: list, which: int, what: str, remedy: str) -> complex:
-    """The value of this number, which must be real."""
+    """The value with the number `which`, if it is real."""
     which = _checks.whole("which", which, 0)
     if which >= len(wanted):
         got = f"{len(wanted)} of them"
@@ -160,7 +160,7 @@ def _invariant(a: np.ndarray, chosen: np.ndarray) -> np.ndarray:
 
 
 def _with_sign(v: np.ndarray) -> np.ndarray:
-    """The unit vector along v whose first entry of weight is positive, which is the branch +1."""
+    """The unit vector along v whose first entry that is not small is positive: the branch +1."""
     size = np.abs(v)
     return v * np.sign(v[np.argmax(size > _WEIGHT * size.max())]) / np.linalg.norm(v)
 

@@ -20,7 +20,7 @@ from jaxdyn.continuation import newton
 from orbits.motion import quick_solve
 
 _NEWTON_STEPS, _HALVINGS = 30, 9
-_GOAL = 1e-12  # largest gap, in units of the largest entry of the states in sizes, or 1
+_GOAL = 1e-12  # largest gap, relative to the largest scaled entry of the states, or to 1
 _DEPENDENT = 1e-11  # smallest over largest singular value below which equations are dependent
 
 
@@ -39,7 +39,7 @@ class Links(eqx.Module):
 
     @abc.abstractmethod
     def open(self, x: Array, steps: Array) -> tuple[Scene, Array, Array]:
-        """The scene, the starts (segments, k) of the links, and their whole time, at unknowns x.
+        """The scene, the starts (segments, k) of the links, and their total time, at unknowns x.
 
         `steps` (2,) are the distances of the ends of the chain from what it connects.
         """
@@ -61,7 +61,7 @@ class Solution(NamedTuple):
       residual: largest gap.
       converged: whether that gap is below the goal.
       independent: whether the equations determine all unknowns.
-      doubt: (n,) change of each unknown by gaps as large as the goal.
+      uncertainty: (n,) change of each unknown by gaps as large as the goal.
       iterations: number of steps.
     """
 
@@ -69,7 +69,7 @@ class Solution(NamedTuple):
     residual: float
     converged: bool
     independent: bool
-    doubt: np.ndarray
+    uncertainty: np.ndarray
     iterations: int
 
 
@@ -111,8 +111,8 @@ def solve(chain: Links, x: np.ndarray, steps: np.ndarray) -> Solution:
     units = _units(slopes)
     values = np.linalg.svd(slopes * units, compute_uv=False)
     inverse = np.linalg.pinv(slopes * units, rcond=_DEPENDENT)
-    doubt = goal * units * np.linalg.norm(inverse, axis=1)
-    return Solution(x, residual, True, values[-1] > _DEPENDENT * values[0], doubt, iterations)
+    uncertainty = goal * units * np.linalg.norm(inverse, axis=1)
+    return Solution(x, residual, True, values[-1] > _DEPENDENT * values[0], uncertainty, iterations)
 
 
 def _units(slopes: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from jaxdyn.ball_arithmetic.enclosed import Enclosed
 from jaxdyn.files.codec import decode_fields
 from orbits.orbit import Orbit
 
-#: Limits of what a record may ask to be calculated: more than `prove` takes for 1000 digits.
+#: Limits on what the check of a record has to calculate: `prove` needs less even for 1000 digits.
 _LEAST_BITS, _MOST_BITS, _MOST_DIGITS = 2, 40_000, 1200.0
 _NUMBER = re.compile(r"[0-9]+([.][0-9]+)?(e[+-]?[0-9]+)?")
 _EXACT = re.compile(r"-?[0-9]{1,20000}\*2\^-?[0-9]{1,6}")

@@ -150,7 +150,7 @@ class ClosingEquations:
         return [residual[i] for i in self.equations]
 
     def jacobian(self, end: list, slopes: arb_mat, numbers: list) -> arb_mat:
-        """(m, m) derivative of the closing error by the unknowns, without spared equations."""
+        """(m, m) Jacobian of the closing error in the unknowns, without spared equations."""
         embed, ends, goal = map(_matrix, (self.embed, self.end, self.goal))
         by_start = ends * slopes * embed
         back = goal * embed if self.generator is None else self._rotation(numbers) * goal * embed
@@ -163,10 +163,10 @@ class ClosingEquations:
         return arb_mat([[columns[i][j] for i in self.unknowns] for j in self.equations])
 
     def spared_hold(self, end: list, numbers: list) -> bool:
-        """Whether the spared equations are proved to follow from the others, on boxes of both.
+        """Whether the spared equations are proved to follow from the others, for boxes.
 
         Raises:
-          Undecided: the case of an integral's formula is undecided there.
+          Undecided: it is not decided which case of an integral's formula holds there.
         """
         if not self.integrals:
             return True
@@ -185,7 +185,7 @@ class ClosingEquations:
         return [(a + b) / 2 for a, b in zip(end, image, strict=True)]
 
     def inverse(self, jacobian: arb_mat) -> arb_mat:
-        """The inverse of Newton's Jacobian, which is found in units.
+        """The inverse of Newton's Jacobian, computed in the units of unknowns and equations.
 
         Raises:
           ZeroDivisionError: it may be singular.
@@ -204,7 +204,7 @@ class ClosingEquations:
         )
 
     def spread(self) -> np.ndarray:
-        """(k, m) the map from the closing error's entries to the end's difference from that point.
+        """(k, m) the map from the closing error to the end minus its `_nearest` point.
 
         For a reversal it is known up to factors: a pair of entries that are exchanged has one
         equation.
@@ -255,7 +255,7 @@ def power_of_2(x):
 
 
 def product(matrix: np.ndarray, vector: list) -> list:
-    """A matrix of known numbers times a vector of balls; 1 and -1 do not round."""
+    """A matrix of known numbers times a vector of balls; factors of 1 and -1 cause no rounding."""
     found = []
     for row in matrix.tolist():
         total = None

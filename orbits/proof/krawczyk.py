@@ -12,7 +12,7 @@ from jaxdyn.ball_arithmetic.krawczyk import Krawczyk, is_inside
 from jaxdyn.ball_arithmetic.tube import Tube, tube
 from orbits.proof.closing_equations import ClosingEquations
 
-#: Most steps X -> K with the D of the first X; each narrows K, by the contraction at first.
+#: Most steps X -> K that reuse the D of the first X; each narrows K, at first by the contraction.
 _NARROWING = 100
 
 

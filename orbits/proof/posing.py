@@ -32,10 +32,10 @@ from orbits.proof.closing_equations import ClosingEquations, power_of_2
 #     Laplace's vector   v x (r x v) + (a . r) r     is conserved if a = -k r / |r|^3,
 #     Fradkin's tensor   v v^T + w r r^T             is conserved if a = -k r,
 #
-# the first of which is usually divided by k. Both are written with the acceleration itself, so no
-# strength is needed; which of them is conserved is left to the functions below and to `theorems`.
-# Every start of these laws is on an orbit, and their closing equations depend on each other by
-# these integrals.
+# the first of which is usually divided by k. Both are written with the acceleration itself, so the
+# strength k is not needed; the functions below and `theorems` decide which of them is conserved.
+# Under these laws every start is on an orbit, and these integrals make the closing equations depend
+# on each other.
 #
 # Reference: Goldstein, Poole, Safko (2002), Classical Mechanics, section 3.9; Fradkin (1965),
 # American Journal of Physics 33, 207.
@@ -77,11 +77,11 @@ _REMEDY = "The rate may depend on time t by sines and cosines of w t + c with on
 
 
 def drive_period(formulas: Formulas, period: float) -> tuple[float, int]:
-    """(w, n) such that 2 pi n / w is exactly a period of the rate, and nearly the float given.
+    """(w, n) such that 2 pi n / w is exactly a period of the rate, and close to the given float.
 
     Raises:
-      ValueError: time occurs otherwise than in sines and cosines of w t + c with a known float w,
-        or `period` is not a multiple of the common period.
+      ValueError: time occurs other than in sines and cosines of w t + c with a known float w, or
+        `period` is not a multiple of the common period.
     """
     frequencies = {abs(w) for w in _frequencies(formulas)}
     if not frequencies:
@@ -221,7 +221,7 @@ def _maps(closing: Closing, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]
         embed = (unit + here)[:, free]
         embed = embed // np.abs(embed[free, np.arange(len(free))])
         off = unit - there
-        # Rows of two entries that are exchanged are equal or opposite: one is sufficient.
+        # Two entries that are exchanged give equal or opposite rows: one of them is sufficient.
         signed = np.concatenate([off, -off])
         first = [(signed == row).all(1).nonzero()[0] % k for row in off]
         rows = [i for i in range(k) if off[i].any() and first[i].min() == i]
@@ -333,7 +333,7 @@ def _square(whole: ClosingEquations, integrals: dict[str, Number]) -> ClosingEqu
     left, s, right = np.linalg.svd(own)
     rank = int((s > _RANK * s[0]).sum())
     dependent, count = left[:, rank:].T, len(own) - rank
-    # Changes of each integral, divided by what the sizes change in it: its unit does not matter.
+    # Changes of each integral, relative to those by the sizes of the entries: its unit cancels.
     changes = gradients * np.array(whole.sizes)
     most = np.linalg.norm(changes, axis=1, keepdims=True)
     changes = (gradients @ whole.spread()) * whole.residual_units / np.where(most > 0, most, 1.0)

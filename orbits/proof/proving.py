@@ -28,7 +28,7 @@ from orbits.proof.theorems import missing
 
 # ---- Whether equal bodies of an orbit follow one curve at equal times apart, as a choreography
 
-_DIGITS = 30.0  # digits of the places of bodies within a period
+_DIGITS = 30.0  # digits to which the bodies are enclosed within a period
 
 
 def on_one_curve(
@@ -84,12 +84,12 @@ def _bodies(state: list[arb], n: int) -> list[list[arb]]:
 
 _BOX = 10.0  # digits by which a box is wider than the error of its centre
 _LEAST_RADIUS = 1e-300  # least radius of a box, which is a float
-_SPARE = 6.0
+_SPARE = 6.0  # digits of the centre and of the arithmetic beyond those that are requested
 #: Digits that are added where multipliers cannot be separated: for some published three-body
 #: orbits, 32 digits are five too few.
 _SHARPER = 12
-#: An orbit in doubles is as near to the true one as its closing error says, within this factor
-#: [measured: 0.02 at most].
+#: An orbit in doubles is at most this factor farther from the true one than its closing error
+#: implies [measured: 0.02 at most].
 _NEAR = 100.0
 #: Bits of the first trial beyond those of the digits; each further trial doubles them.
 _EXTRA_BITS = 64
@@ -161,10 +161,10 @@ def _prove(orbit: Orbit, system: ClosingEquations, digits: float, throw: bool) -
         numbers, lost = solve(system, digits + _SPARE)
     except SearchError as error:
         return _no_proof(orbit, f"no centre is found: {error}", throw)
-    moved = _distance(system, numbers)
-    if moved > _NEAR * 10**lost * max(orbit.rtol, orbit.residual):
+    distance = _distance(system, numbers)
+    if distance > _NEAR * 10**lost * max(orbit.rtol, orbit.residual):
         message = (
-            f"the nearest solution is {moved:.1e} away, in the sizes of entries, from that given"
+            f"the nearest solution is {distance:.1e} away, in the sizes of entries, from that given"
         )
         return _no_proof(orbit, f"{message}, whose digits are wrong. {_ANOTHER}", throw)
     radius = max(10.0 ** (_BOX - digits), _LEAST_RADIUS)
@@ -281,7 +281,7 @@ def _certificate(
         return Certificate(
             orbit=orbit,
             proved=True,
-            reason=_words(system),
+            reason=_reason(system),
             bits=bits,
             digits=digits,
             radius=repr(box[0]),
@@ -326,7 +326,7 @@ def _generators(scene: Scene) -> list[tuple[np.ndarray, np.ndarray]]:
     return pairs
 
 
-def _words(system: ClosingEquations) -> str:
+def _reason(system: ClosingEquations) -> str:
     text = "Krawczyk's test of the closing equations"
     if not system.integrals:
         return f"{text}."

@@ -13,8 +13,9 @@ from orbits.analysis.stability import Stability, rotation_numbers, stability
 from orbits.orbit import Orbit
 
 _SPARE = 3  # digits that multipliers may have lost
-_SPARE_NEAR = 6  # those of two that nearly meet, besides the digits of their distance
-#: Distance of two multipliers at which errors of the matrix move them by more than its digits.
+_SPARE_NEAR = 6  # likewise for two that nearly meet, besides the digits of their distance
+#: Distance of two multipliers below which errors of the matrix change them by more than its digits
+#: suggest.
 NEAR = 1e-3
 _ROUNDING = 1e-15  # rounding of multipliers as doubles, with some to spare
 

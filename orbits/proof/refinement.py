@@ -44,8 +44,8 @@ def refine(orbit: Orbit, digits: int = 50) -> Refined:
 
     They are found by Newton's method on the closing equations (see `closing_equations` in the same
     folder), with a Jacobian in doubles as long as that gains digits in each step, and in full
-    precision where it does not. Every number of the scene stands exactly for its binary float; so
-    do the entries that are held.
+    precision where it does not. Every number of the scene is taken to be its binary float exactly,
+    and so are the entries that are held.
 
     Args:
       orbit: what `find` returned.
@@ -102,7 +102,8 @@ def _energy(system: ClosingEquations, energy, start: list, digits: int) -> str:
 
 def _multipliers(matrix: arb_mat, digits: int) -> tuple:
     """The non-trivial multipliers and their rotation numbers as decimal strings."""
-    # A pair 1 +- e adds e^2 to a remainder, so digits beyond those of doubles have to count.
+    # A pair of multipliers 1 +- e changes the remainder by e^2 only, so the tolerance has to be far
+    # below the rounding of doubles.
     unit = multipliers.multiplicity(matrix, 10.0 ** -(digits / 2))
     exact = midpoints(matrix)
     coefficients = [c.mid() for c in multipliers.deflate(exact, unit)]
@@ -123,7 +124,7 @@ def _multipliers(matrix: arb_mat, digits: int) -> tuple:
 
 
 def _lost_beside(z, found: list) -> int:
-    """The digits that a multiplier loses beside another one that it nearly meets."""
+    """The number of digits that a multiplier loses because it nearly meets another one."""
     apart = min((float(abs(z - other)) for other in found if other is not z), default=1.0)
     return _SPARE - math.floor(math.log10(apart)) if 0 < apart < NEAR else 0
 
@@ -161,7 +162,7 @@ def solve(system: ClosingEquations, digits: float) -> tuple[list[arb], float]:
 def _step(
     system: ClosingEquations, numbers: list[arb], inverse: arb_mat, digits: float
 ) -> tuple[list[arb], float]:
-    """The numbers after a step of Newton's method, and the number of digits that it left."""
+    """The numbers after a step of Newton's method, and the number of correct digits before it."""
     with precision(bits_of(digits)):
         numbers = _at_precision(system, numbers)
         end = _motion(system, numbers, digits, slopes=False)

@@ -97,7 +97,7 @@ class Theorems:
         )
 
     def is_zero(self, row: list, column: list, zeros: list) -> bool:
-        """Whether a product of two vectors is 0, or up to sign one of some polynomials that are."""
+        """Whether a product of two vectors is 0, or up to sign a polynomial known to be 0 there."""
         total = self._dot(row, column)
         each = (total, *(total - sign * zero for zero in zeros for sign in (1, -1)))
         return any(self.ring.vanishes(one) for one in each)

@@ -1,4 +1,4 @@
-"""Starts on a section: the velocity that section coordinates and an energy leave open.
+"""Starts on a section: the velocity that follows from section coordinates and an energy.
 
 The energy of a mechanical scene is a quadratic polynomial of each velocity, a v^2 + b v + c, so
 the missing velocity is a root of it. Newton's method polishes the root, and does all the work where
@@ -28,7 +28,7 @@ from orbits.sections.coordinates import entry, fixed_entry, list_names, names_of
 _NEWTON_STEPS = 30
 #: Largest residual of a solution, relative to the terms of the energy.
 _RESIDUAL = 1e-13
-_QUADRATIC = 1e-9  # relative change of the second derivative that is rounding
+_QUADRATIC = 1e-9  # relative change of the second derivative that counts as rounding
 _OFF = 1e-9  # largest distance of a start from the section, relative to the state
 
 
@@ -108,9 +108,9 @@ def complete(
         raise fail("sign", "1 or -1", sign, "1 is the larger of two solutions.")
     index = unknown_of(scene, event, unknown)
     rows = _rows(scene, event, given, index, finite("energy", numbers("energy", energy)))
-    way = (event.direction or 1) if sign is None else sign
+    sign = (event.direction or 1) if sign is None else sign
     t0 = jnp.asarray(t0, float)
-    y0s, status = _completed(scene, t0, *rows, float(way), index=index)
+    y0s, status = _completed(scene, t0, *rows, float(sign), index=index)
     # An entry that the event fixes is checked at starts outside the allowed region as well.
     incomplete = fixed_entry(event) not in (None, index)
     _check_on_section(scene, event, t0, rows[0] if incomplete else y0s)
@@ -155,7 +155,7 @@ def _check_on_section(scene: Scene, event: Event, t0: Array, y0s: Array) -> None
         return
     values, rounding = map(np.asarray, _values_and_rounding(scene, event, t0, y0s))
     size, entry = rounding / np.finfo(float).eps, fixed_entry(event)
-    # The value of an event may be small by chance, unlike the entry that it fixes.
+    # The terms of the value may be small by chance, so the size of a fixed entry counts as well.
     size = size + (0.0 if entry is None else sizes(scene)[entry])
     off = np.abs(values) > _OFF * size
     if off.any():
@@ -172,9 +172,9 @@ def _solve(scene: Scene, t0: Array, y: Array, energy: Array, sign: Array, index:
     slope = jax.grad(excess)
     zero = jnp.zeros(())
     c, b, a = excess(zero), slope(zero), 0.5 * jax.grad(slope)(zero)
-    below = b * b - 4 * a * c
-    # This form avoids the difference of two almost equal numbers.
-    q = -0.5 * (b + jnp.where(b < 0, -1.0, 1.0) * jnp.sqrt(jnp.maximum(below, 0.0)))
+    discriminant = b * b - 4 * a * c
+    # This form of the roots avoids cancellation.
+    q = -0.5 * (b + jnp.where(b < 0, -1.0, 1.0) * jnp.sqrt(jnp.maximum(discriminant, 0.0)))
     roots = jnp.stack([_over(q, a), _over(c, q)])
     roots = jnp.where(
         jnp.isfinite(roots), roots, jnp.where(jnp.isfinite(roots[::-1]), roots[::-1], 0.0)
@@ -193,11 +193,11 @@ def _solve(scene: Scene, t0: Array, y: Array, energy: Array, sign: Array, index:
     v = jax.lax.stop_gradient(v)
     for _ in range(2):
         v = v - jnp.where(solved, _over(excess(v), slope(v)), 0.0)
-    # Elsewhere than in a quadratic polynomial, the coefficients at 0 forbid nothing.
+    # Unless the energy is quadratic, a negative discriminant at 0 excludes nothing.
     far = jnp.sqrt(jnp.abs(_over(c, a)))
     bends = jnp.stack([0.5 * jax.grad(slope)(x) for x in (far, -far)])
     quadratic = (jnp.abs(bends - a) <= _QUADRATIC * jnp.abs(a)).all()
-    forbidden = (below < 0) & quadratic
+    forbidden = (discriminant < 0) & quadratic
     why = jnp.where(forbidden, int(Status.FORBIDDEN), int(Status.NOT_COMPLETED))
     status = jnp.where(solved, int(Status.OK), why)
     return nan_unless(solved, y.at[index].set(v)), status

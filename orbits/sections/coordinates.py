@@ -9,7 +9,7 @@ from jaxdyn._checks import check_first, choice, fail
 from jaxdyn.integrate.events import Event, Reaches
 from orbits.closing.sizes import sizes
 
-#: How far entries are moved apart, relative to their sizes, since at rest all velocities are equal.
+#: By how much entries are perturbed, relative to their sizes: at rest all velocities are equal.
 _PROBE = 1e-3
 
 

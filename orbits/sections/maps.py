@@ -101,7 +101,7 @@ class PoincareMap(eqx.Module):
         failed = jnp.where(few == Status.OK, int(Status.OK), failed)
         status = jnp.where(status == Status.OK, failed, status)
         right = status == Status.OK
-        # Rows without a crossing have derivatives of 0, in reverse mode even after `nan_unless`.
+        # Makes derivatives NaN where there is no crossing; in reverse mode they would be 0.
         nothing = zero_of((self, q))
         y1 = nan_unless(right, found.ys[-1] + nothing)
         entries = jnp.array([entry(self.scene, "names", name) for name in self.names])

@@ -51,10 +51,10 @@ def write_csv(path: str | Path, tables: Sequence[SectionPoints]) -> Path:
     """
     names = ["section", "start", "energy", "t", "direction", *names_of(tables[0].scene)]
     rows = (
-        [number, start, with_null(points.energies[start]), t, way, *y]
+        [number, start, with_null(points.energies[start]), t, direction, *y]
         for number, points in enumerate(tables)
         for start, n in enumerate(points.counts)
-        for t, way, y in zip(
+        for t, direction, y in zip(
             points.ts[start, :n].tolist(),
             points.directions[start, :n].tolist(),
             points.ys[start, :n].tolist(),

@@ -5,8 +5,8 @@
 launch in `thrown`. `loops` closes orbits about a centre, from the ratio of their radii.
 
 `designs` finds numbers of a scene for which a wanted condition holds for an orbit or a special
-point, `minima` those for which a quantity is least; `followed` is how both of them follow it, by
-its `derivatives`.
+point, `minima` those for which a quantity is least; `followed` is the continuation that both of
+them use, by its `derivatives`.
 
 May import: `families`.
 

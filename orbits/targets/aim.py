@@ -35,7 +35,7 @@ from orbits.targets.launch import (
 )
 
 #: Courses log tan(angle / 2) at which the range is sampled forwards; the flattest angle is
-#: 1e-17 rad. For throws that drag slows more, the first eight courses are stretched.
+#: 1e-17 rad. Where drag alters still flatter throws, the first eight courses are stretched.
 _STRETCHED = np.arange(40.0, 16.0, -3.0)
 _STEEPER = np.array([16, 13.5, 11.5, 9.5, 7.5, 6, 4.8, 4, 3.3, 2.7, 2.2, 1.7, 1.3, 0.9, 0.5])
 _FREE = 5.0  # courses flatter by this are free flights, whose range grows with the angle
@@ -97,7 +97,7 @@ def best_courses(scene: Scene, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarr
     w = np.full(n, np.nan)
     if found.any():
         low, high = w_look[found, cell[found]], w_look[found, cell[found] + 1]
-        w[found], fine = _tops(scene, low, high, speeds[found])
+        w[found], fine = _extremes(scene, low, high, speeds[found])
         outcome[found] = np.where(fine, Aim.FOUND, Aim.NO_CONVERGENCE)
     lost = ~are_followed(look).reshape(n, m).all(axis=1)
     outcome = np.where(lost, Aim.LOST, outcome)
@@ -113,10 +113,10 @@ def turns(
     cells = np.flatnonzero((rising[:-1] != rising[1:]) & known)
     if not len(cells):
         return np.zeros(0), np.ones(0, bool)
-    return _tops(scene, w[cells], w[cells + 1], np.full(len(cells), speed))
+    return _extremes(scene, w[cells], w[cells + 1], np.full(len(cells), speed))
 
 
-def _tops(scene: Scene, low, high, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _extremes(scene: Scene, low, high, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(n,) courses between `low` and `high` at which the range is extreme, and whether found."""
 
     def slope(w):

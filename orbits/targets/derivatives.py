@@ -46,15 +46,14 @@ def differentiable(scene: Any, orbit: Any, *, hold: Hold = ()) -> Any:
     """The orbit or special point of a scene near a known one, for `jax.grad`, `jax.jvp` and so on.
 
     Args:
-      scene: the scene with the numbers to differentiate by: the orbit's own, or a traced copy of
-        it. For a chain of legs, the legs or the phases from which it was found. For a special point
-        of a family, the function parameter -> scene, as for `continue_family` and
-        `jaxdyn.continue_equilibria`, with the numbers to differentiate by; in a family in energy,
-        the scene.
+      scene: the scene whose numbers are differentiated with respect to: the orbit's own, or a
+        traced copy of it. For a chain of legs, the legs or the phases from which it was found. For
+        a special point of a family, the function parameter -> scene, as for `continue_family` and
+        `jaxdyn.continue_equilibria`, with these numbers; in a family in energy, the scene.
       orbit: what `find` or `find_hybrid` returned, or a special point: one of ``family.special``.
       hold: conditions, as for `find` or `continue_family`; they select an orbit of a family. Chains
         and equilibria take none. The name of an entry stands for the orbit's value; if that is the
-        value at the start of the scene, there are derivatives by the latter.
+        value at the start of the scene, there are derivatives with respect to the latter.
     Returns:
       The numbers of `orbit`, equal to those found, with their first derivatives with respect to
       every number of the scene (and of the conditions). Of an orbit or a chain: ``period``, ``y0``,
@@ -71,11 +70,11 @@ def differentiable(scene: Any, orbit: Any, *, hold: Hold = ()) -> Any:
       numbers of the scene may be traced: not `orbit`, and no numbers of conditions.
       Where numbers are traced, and are not those with which the orbit was found, all results are
       NaN: find it again, outside of the transformation. Derivatives are accurate to rounding times
-      the growth of errors over the orbit: that of the figure-eight's period by a mass to 1e-11,
-      compared with differences of order 6. A branch point has a derivative with respect to numbers
-      that do not break it, because of a symmetry; this is not verified, except by `design`, which
-      finds it again. Chains have no derivatives of their special points.
-      `jaxdyn.continuation.differentiable` has an example of a Hopf point.
+      the growth of errors over the orbit: that of the figure-eight's period with respect to a mass
+      to 1e-11, compared with differences of order 6. A branch point has derivatives only with
+      respect to numbers that preserve it, as they do if they preserve a symmetry; this is not
+      verified, except by `design`, which finds it again. Chains have no derivatives of their
+      special points. `jaxdyn.continuation.differentiable` has an example of a Hopf point.
     Example:
       >>> import equinox as eqx, orbits
       >>> from jaxdyn import scenes

@@ -2,7 +2,7 @@
 
 `design` applies the Gauss-Newton method to the residuals of the requirement, with derivatives by
 the implicit function theorem. In each step the orbit, or the point, is found again from the
-prediction of its derivatives, so it is followed, however far the parameters move.
+prediction by its derivatives, so it is followed, however far the parameters move.
 """
 
 import dataclasses
@@ -26,8 +26,8 @@ _SETTLED = 1e-12
 _LESS = 1e-12
 #: The search ends if the next step would change the residual by a smaller part of it.
 _LEVEL = 1e-9
-#: Relative decrease of the sum of squares below which residuals that are not linear may spoil it. A
-#: step then counts if the next one would come less far, by this factor.
+#: Predicted relative decrease of the sum of squares below which nonlinear terms may hide it. A step
+#: is then accepted if the next one would change the residuals less, by the second factor.
 _HARDLY, _SHORTER = 1e-9, 0.7
 
 
@@ -66,7 +66,7 @@ class Design(Ended):
       slopes: (m, n) their derivatives with respect to the parameters.
       steps: number of steps taken.
       outcome: how the search ended.
-      advice: what else may be the matter.
+      advice: a further possible cause of failure; "" if there is none.
     """
 
     numbers: np.ndarray
@@ -214,10 +214,10 @@ class _Search(Search):
         return moved
 
     def accepts(self, here: At, new: At) -> bool:
-        """Whether the sum of squares is less, or else whether the next step is.
+        """Whether the sum of squares decreases or, where it is level, the next step is smaller.
 
-        Near numbers with the least sum of squares this no longer shows how near they are, since its
-        change is of second order; how far the next step would come does.
+        Near its minimum the sum of squares changes only to second order, and so does not show how
+        far away the minimum is; the effect of the next step does.
         """
         before, after = (float(at.value @ at.value) for at in (here, new))
         if after < (1 - _LESS) * before or self._is_met(new):

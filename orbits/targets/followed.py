@@ -43,9 +43,9 @@ from orbits.targets.derivatives import differentiable
 #: Newton steps to find an orbit again: one that takes more is too far for its prediction.
 _ITERATIONS = 30
 _HALVINGS = 12  # of a step before a search gives up
-#: What is found follows what is known if it is as near to its prediction as this, relative to the
-#: way to that, but for rounding. Long steps of a parameter, relative to its size, count as `_LONG`:
-#: they may lead to an orbit of another kind.
+#: A solution continues the known one if its distance from the prediction is at most `_OFF` times
+#: the distance to the prediction, plus rounding. The latter counts as at least the relative step of
+#: the parameters, but no more than `_LONG`: longer steps may lead to an orbit of another kind.
 _OFF, _LONG, _ROUNDING = 0.25, 0.3, 1e-6
 
 #: What can be followed.
@@ -75,8 +75,8 @@ class Asked:
     """A function of what is followed.
 
     Attributes:
-      name: the argument by which it was given, for messages.
-      function: returns numbers, or one.
+      name: the argument that gave the function, for messages.
+      function: returns a number, or numbers (m,).
     """
 
     name: str
@@ -88,27 +88,27 @@ class Followed(abc.ABC):
 
     @abc.abstractmethod
     def differentiable(self, numbers: Array, known: Any) -> Any:
-        """The known one with its derivatives."""
+        """The known solution with its derivatives."""
 
     @abc.abstractmethod
     def place(self, found: Any) -> Any:
-        """The numbers of the differentiable one that predict the next one."""
+        """The numbers of a differentiable solution by which the next one is predicted."""
 
     @abc.abstractmethod
     def again(self, before: np.ndarray, numbers: np.ndarray, known: Any, guess: Any) -> Any:
-        """The one for other parameters, from a guess of its `place`.
+        """The solution for other parameters, from a guess of its `place`.
 
         Args:
-          before: (n,) the parameters of the known one.
-          numbers: (n,) the other ones.
-          known: the known one.
+          before: (n,) the parameters of the known solution.
+          numbers: (n,) the other parameters.
+          known: the known solution.
           guess: the guess.
         Raises:
           SearchError, ValueError: there is none near the guess.
         """
 
     def move(self, here: "At", numbers: np.ndarray, asked: Asked) -> "At | None":
-        """The state at other parameters; None if nothing is found there, or has no derivatives."""
+        """The state at other parameters; None if none is found, or one without derivatives."""
         step = numbers - here.numbers
         guess = jax.tree.map(lambda x, slope: np.asarray(x + slope @ step), *here.places)
         try:
@@ -116,11 +116,11 @@ class Followed(abc.ABC):
         except (SearchError, ValueError):
             return None
         off, ahead = (self.distance(here.found, guess, at.places[0]) for at in (new, here))
-        way = max(ahead, min(float(np.abs(step / here.units).max(initial=0.0)), _LONG))
-        return new if off <= _OFF * way + _ROUNDING else None
+        scale = max(ahead, min(float(np.abs(step / here.units).max(initial=0.0)), _LONG))
+        return new if off <= _OFF * scale + _ROUNDING else None
 
     def distance(self, known: Any, place: Any, other: Any) -> float:
-        """The distance of two places in the sizes of the known one; 0 if any may follow another."""
+        """The distance of two places, in the sizes of the known solution; 0 if it is ignored."""
         del known, place, other
         return 0.0
 
@@ -166,7 +166,7 @@ class At:
 
     @property
     def units(self) -> np.ndarray:
-        """(n,) units: the sizes of the parameters; of one that is 0, a change that it may need."""
+        """(n,) the sizes of the parameters; of one that is 0, the change that cancels `value`."""
         slope, value = np.abs(self.slopes).max(axis=0, initial=0.0), np.abs(self.value).max()
         known = (slope > 0) & (value > 0)
         by_slope = np.where(known, value / np.where(slope > 0, slope, 1.0), 1.0)
@@ -237,7 +237,7 @@ def is_in_family(found: Any) -> bool:
 
 @dataclasses.dataclass(frozen=True)
 class _One(Followed):
-    """One of them.
+    """A single orbit, chain of legs or special point.
 
     Attributes:
       make: returns what `orbits.differentiable` takes.
@@ -336,10 +336,10 @@ def _distance(scene: Scene, period: float, place: tuple, other: tuple) -> float:
 
 
 def _check_turns(known: Orbit | HybridOrbit, found: Orbit | HybridOrbit) -> None:
-    """Raise SearchError unless both go round equally often in their periods.
+    """Raise SearchError unless both periods are the same multiple of the minimal period.
 
-    Two periods of an orbit close as well, and after a long step they may be nearer to its
-    prediction than one.
+    Two periods of an orbit close as well, and after a long step they may be nearer to the
+    prediction than one period.
     """
     before, after = (minimal_period(orbit)[1] for orbit in (known, found))
     if before != after:

@@ -30,7 +30,7 @@ from orbits.shooting.finding import find
 #: 1e-74.
 _DEPTHS = np.concatenate([[1e-7], np.geomspace(1e-3, 170.0, 60)])
 _SAME = 1e-9  # if angles over pi differ by less, they are equal, and all shapes close
-_ANY = 0.8  # the depth that is used then
+_ANY = 0.8  # the depth that is used where all shapes close
 _SIMPLE = 100  # largest number of loops tried where every shape closes
 
 
@@ -299,7 +299,7 @@ def _check_law(law, **numbers) -> None:
 
 def _start(law: CentralForce, depth: float, r: float, m: float):
     """The scene from its farthest point, and the time to the nearest one."""
-    way = scenes.apsides(law, depth, r, m)
-    speed = float(way.momentum) / (m * r)
-    half = float(way.time)
+    apsides = scenes.apsides(law, depth, r, m)
+    speed = float(apsides.momentum) / (m * r)
+    half = float(apsides.time)
     return scenes.central_orbit(law, r=r, speed=speed, m=m, t1=2 * half), half

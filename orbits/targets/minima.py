@@ -23,7 +23,8 @@ from orbits.targets.followed import Asked, At, Near, Search, TimeLimit, bounds, 
 
 _LONGEST = 0.3  # longest step, in units of the parameters
 _DECREASE = 1e-4  # least decrease, relative to that of the linear part
-#: A gradient that changes within so short a step by such a part of its first size jumps.
+#: A gradient jumps if a step shorter than the first number changes it by more than the second,
+#: relative to its norm at the guess.
 _SHORT, _JUMP = 1e-9, 0.1
 _ROUNDING = 1e-13  # relative: changes of the quantity below this are rounding
 
@@ -107,7 +108,7 @@ def minimise(
       upper: (n,) upper bounds.
       hold: conditions on the orbit, as for `find`.
       goal: largest derivative with respect to the logarithm of a parameter, relative to the
-        quantity, at which the quantity counts as least; bounds may hold larger ones.
+        quantity, at which the quantity counts as least; it may be larger at a bound.
       steps: largest number of steps.
       seconds: time limit, without that of compiling; what is being computed then is completed.
       throw: raise unless it is least; with False check `Optimum.outcome`.
@@ -147,8 +148,8 @@ def minimise(
 class _Search(Search):
     """The BFGS method on the parameters that no bound holds; steps are halved until they descend.
 
-    Parameters are in units of their first values, and one that is 0 in the change that changes the
-    quantity by as much as its value.
+    Parameters are in units of their first values. The unit of one that is 0 is the change by which
+    the quantity changes by its own value.
     """
 
     def run(self, numbers: np.ndarray, near: Any, steps: int) -> Optimum:
@@ -183,12 +184,12 @@ class _Search(Search):
         return self._optimum(here, steps, OptimumOutcome.STEP_LIMIT)
 
     def _free(self, here: At, gradient: np.ndarray) -> np.ndarray:
-        """(n,) whether a smaller quantity is on the inside of a parameter's bounds."""
+        """(n,) whether each parameter may move downhill: no bound is in the way."""
         outwards = (here.numbers <= self.low) & (gradient > 0)
         return ~(outwards | ((here.numbers >= self.high) & (gradient < 0)))
 
     def accepts(self, here: At, new: At) -> bool:
-        # Bounds may turn a step upwards.
+        # A step that is clipped at bounds may lead uphill.
         expected = min(here.slopes[0] @ (new.numbers - here.numbers), 0.0)
         least = _DECREASE * expected + _ROUNDING * abs(here.value[0])
         return bool(new.value[0] - here.value[0] <= least)
@@ -200,7 +201,7 @@ class _Search(Search):
 
 
 def _update(curvature: np.ndarray, moved: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """(n, n) the curvature that explains a change of the gradient, where it is convex."""
+    """(n, n) the BFGS update of the curvature, skipped where the quantity is not convex."""
     along, ahead = float(change @ moved), curvature @ moved
     if not along > 1e-8 * np.linalg.norm(change) * np.linalg.norm(moved) > 0:
         return curvature

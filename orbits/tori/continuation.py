@@ -26,7 +26,7 @@ from orbits.tori.torus import GOAL, MOST_MODES, AcrossTangent, Torus, refine
 _ASTRAY = 0.5  # a larger correction, as a share of the step, leads to a torus of another family
 #: What the file of a continuation calls a family of tori.
 TORI = "tori"
-_SAME = ("scene", "outcome", "held", "rtol")  # what the tori of a family have in common
+_SAME = ("scene", "outcome", "held", "rtol")  # fields that are equal for the tori of a family
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,7 +143,7 @@ class _Place(NamedTuple):
 class _Chart(Chart[_Place]):
     """A family of tori near one of them, in the units of the first one."""
 
-    turn = -math.inf  # a secant turns only as far as its step was corrected
+    turn = -math.inf  # no limit: a secant turns only as far as the corrector moves
 
     def __init__(self, problem: "_Problem", guessed: bool):
         self.problem, self.metric = problem, problem.metric
@@ -180,7 +180,7 @@ class _Problem(BranchProblem[_Place]):
     """The family of a torus."""
 
     what = TORI
-    shortest, longest = 1e-3, 1.0  # shorter steps lead nowhere; longer ones need more modes
+    shortest, longest = 1e-3, 1.0  # shorter steps make no progress; longer ones need more modes
 
     def __init__(self, torus: Torus, goal: float, max_modes: int):
         self.first, self.goal, self.max_modes = torus, goal, max_modes

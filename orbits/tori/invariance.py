@@ -81,7 +81,7 @@ class Metric(NamedTuple):
         return np.append(np.tile(self.each, n), [1.0, self.time])
 
     def row(self, tangent: Unknowns) -> np.ndarray:
-        """(N k + 2,) the product with a tangent; for points, half of that of their harmonics."""
+        """(N k + 2,) half the inner product of coordinates with those of a tangent, as a row."""
         points, rotation, time = tangent
         along = points / self.each**2 / len(points)
         return np.append(along.ravel(), [rotation, time / self.time**2])
@@ -143,7 +143,7 @@ def solve(
     def equations(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return _equations(scene, start.after(units * x), conditions, rtol, metric)
 
-    # Equations that integrals make dependent are consistent, so the shortest step solves all.
+    # Equations that integrals make dependent are consistent, so the shortest step solves them all.
     rank = np.finfo(float).eps * units.size
     nowhere = np.zeros(units.size)
     found = newton.solve(equations, nowhere, steps=_STEPS, rank=rank, diverged=_DIVERGED)
@@ -151,7 +151,7 @@ def solve(
 
 
 def error(scene: Scene, found: Unknowns, rtol: float, metric: Metric) -> tuple[float, float]:
-    """The largest error of invariance between the points, and what rounding the starts makes of it.
+    """The largest error of invariance between the points, and the part that rounding may cause.
 
     Between the points the equation was not imposed.
     """

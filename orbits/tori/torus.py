@@ -124,10 +124,9 @@ class Torus:
 
 
 # ---- What singles a torus out in its family: one condition, as a row of `Conditions`
-#
-# `near` is the start of the search, with as many points as the circle; `wave` (N, k) the component
-# of the first harmonic along w as a sum over the points, in units, of which its amplitude has
-# `share` a unit.
+# `near` is the start of the search, with as many points as the circle. The sum of the points times
+# the weights `wave` (N, k) is the component of the first harmonic along w in the metric, in which a
+# unit of amplitude has the norm `share`.
 
 Row = tuple[np.ndarray, float]
 
@@ -170,8 +169,8 @@ class AcrossTangent(NamedTuple):
 # ---- The torus near a circle: the conditions that single it out, and the modes that it needs
 
 _MORE = 1.5  # factor on the number of modes from attempt to attempt
-#: Errors of invariance by so many roundings of the starts cannot be told from none, as long as they
-#: are below the second number: about a very unstable orbit rounding alone makes large ones.
+#: An error of invariance up to this multiple of that by rounding of the points, and up to the
+#: second number, is accepted: about a very unstable orbit rounding alone makes large errors.
 _ROUNDINGS, _LOOSEST = 4.0, 1e-8
 _COLLAPSED = 0.02  # share of the first amplitude below which a circle has become a point
 
@@ -188,10 +187,10 @@ def refine(
     """The torus near a start, with as many modes as it needs.
 
     Args:
-      like: a torus of the same family, for what both share.
+      like: a torus of the same family, with the scene and the settings that both share.
       start: the first circle.
       w: (k,) complex direction of the first harmonic, which fixes the origin of theta.
-      target: what singles it out in the family.
+      target: the condition that singles it out in the family.
       goal: largest error of invariance, see `torus`.
       max_modes: largest number of modes.
     """
@@ -243,7 +242,7 @@ def _conditions(
     n, k = now.points.shape
     nothing = np.zeros(n * k)
     # The first harmonic along w fixes theta = 0 by its imaginary, the amplitude by its real part.
-    share = metric.norm(w)  # norm in the metric of a unit of the amplitude
+    share = metric.norm(w)  # norm of a unit of amplitude in the metric
     wave = 2 / n * np.exp(-1j * circle.angles(n))[:, None] * w.conj()[None] / metric.each**2 / share
     duration = np.append(nothing, [0.0, 1 / metric.time])
     near = start.resample(n)
@@ -306,8 +305,9 @@ def torus(
         `Stability.nontrivial`.
       rotation: angle rho to reach instead of the amplitude, which is then a guess [rad]. It should
         be close to that of a torus of the guessed amplitude, in the same sense.
-      goal: largest error of invariance, in the sizes of the entries; that of a few roundings of
-        the circle, up to 1e-8, takes its place where it is larger, as about an unstable orbit.
+      goal: largest error of invariance, in the sizes of the entries; where rounding of the circle
+        alone makes a larger one, as about an unstable orbit, a few times that, up to 1e-8, is
+        accepted.
       max_modes: largest number of Fourier modes.
       throw: raise unless a torus was found; with False check `Torus.outcome`.
     Returns:

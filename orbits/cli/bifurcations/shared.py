@@ -20,7 +20,7 @@ KeepOption = Annotated[
 
 
 class Noted(NamedTuple):
-    """The note about the scenes of a command in its file."""
+    """What the file of a continuation notes about the command that wrote it."""
 
     scene: str
     settings: dict[str, str]

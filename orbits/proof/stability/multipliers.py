@@ -24,8 +24,8 @@ def reduce(matrix: arb_mat, rows: list[list], directions: list[list]) -> arb_mat
 
     Args:
       matrix: (k, k) the matrix.
-      rows: (n) row vectors (k) whose span it keeps.
-      directions: (m) vectors (k) of their common kernel whose span it keeps.
+      rows: (n) row vectors (k) whose span it leaves invariant.
+      directions: (m) vectors (k) of their common kernel whose span it leaves invariant.
     Raises:
       ArithmeticError: the rows, or the directions, may depend on each other.
     """
@@ -67,7 +67,7 @@ def multiplicity(matrix: arb_mat, error: float) -> int:
 
 
 def roots(coefficients: list[arb], error: arb | None = None) -> list[acb]:
-    """Enclosures of one root each, to an error; [] if roots cannot be separated."""
+    """An enclosure of each root, no wider than `error`; [] if roots cannot be separated."""
     if len(coefficients) < 2:
         return []
     polynomial = acb_poly(coefficients)

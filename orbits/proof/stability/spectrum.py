@@ -1,11 +1,11 @@
-"""Linear stability as a theorem: enclosures of the multipliers that are not 1 by the theory.
+"""Linear stability as a theorem: enclosures of the multipliers that theory does not fix.
 
-`structure` says which multipliers are 1, or turn as a relative orbit does.
+`structure` says which multipliers are 1, or exp(+-i a) for a relative orbit with the angle a.
 
 That multipliers are on the unit circle is proved as follows. If M is symplectic, or similar to its
 inverse by a reversal of the orbit, then with a multiplier z there is 1 / conj z, with the same
-multiplicity. The prescribed multipliers are on the circle and their own images, so this is also
-true of the others alone. If each enclosure contains one multiplier, and its image under that
+multiplicity. The prescribed multipliers are on the circle and are mapped to themselves, so the
+others are mapped to each other. If each enclosure contains one multiplier, and its image under that
 reflection meets no other enclosure, then z = 1 / conj z, that is |z| = 1. Multipliers on the circle
 that are distinct, and distinct from those that are known, mean linear stability (Kapela, Simo 2007,
 Nonlinearity 20, 1241).

@@ -1,4 +1,4 @@
-"""What the flow about an orbit is proved to keep, and the multipliers that this prescribes.
+"""What the flow about an orbit is proved to conserve, and the multipliers that this prescribes.
 
 Let W be gradients w_i of integrals at the start, independent, and g_j independent directions in
 their common kernel. If the monodromy matrix M takes the span of the w_i to itself from the right,
@@ -43,11 +43,11 @@ class Structure:
 
     Attributes:
       theorems: the rate as polynomials; None if it is not representable, and nothing is known.
-      integrals: conserved functions by name, which the rotation of a relative orbit keeps.
+      integrals: conserved functions by name, invariant under the rotation of a relative orbit.
       pairs: pairs of conserved functions that this rotation turns into each other.
       generators: (matrix, offset) of symmetries, besides the flow, that commute with the rotation.
-      form: (k, k) constant symplectic form, in fractions, that the flow and the rotation keep; None
-        if none is proved.
+      form: (k, k) constant symplectic form, in fractions, invariant under the flow and the
+        rotation; None if none is proved.
     """
 
     theorems: Theorems | None = None
@@ -61,8 +61,8 @@ class Prescribed(NamedTuple):
     """The vectors that prescribe multipliers.
 
     Attributes:
-      rows: (n) independent gradients (k) whose span the monodromy matrix keeps.
-      directions: (m) independent directions (k) in their kernel whose span it keeps.
+      rows: (n) independent gradients (k) whose span the monodromy matrix leaves invariant.
+      directions: (m) independent directions (k) in their kernel whose span it leaves invariant.
       multipliers: the distinct multipliers that these prescribe, in the upper half plane.
     """
 
@@ -208,7 +208,7 @@ def _commutes(turn: np.ndarray, matrix: np.ndarray, offset: np.ndarray) -> bool:
 
 
 def _is_kept(theorems: Theorems, form: np.ndarray, turn: np.ndarray) -> bool:
-    """Whether a regular, antisymmetric form is kept by the flow and by a rotation."""
+    """Whether a form is regular, antisymmetric, and invariant under the flow and a rotation."""
     form, turn = exact(form), exact(turn)
     regular = (form.T == -form).all() and _rational(form).det() != 0
     return (
@@ -260,7 +260,7 @@ def forms_of(system: ClosingEquations) -> list[np.ndarray]:
     if not slopes:
         return []
     above = np.triu_indices(k, 1)
-    # What is kept is found in the sizes of the entries, and recognised in their units.
+    # Forms are found for entries scaled by their sizes, and recognised for unscaled ones.
     null = np.array(
         [form[above] for form in invariant_forms([map_in_units(x, each) for x in slopes])]
     )
