@@ -128,9 +128,9 @@ def look_from_start(
     """What is known at the start of a motion, and what steps from there must not pass over.
 
     Where only rounding moves a system at rest, no step of an explicit method is short enough to
-    resolve that motion, so sizes are raised to what rounding does in the time of the motion. For a
-    stiff link, which reverses any motion at once, this would be far too much: sizes are kept for
-    methods that damp, which do not resolve its vibrations.
+    resolve that motion, so sizes are raised to the change by rounding in the time of the motion.
+    For a stiff link, which reverses any motion at once, this would be far too much: sizes are kept
+    for methods that damp, which do not resolve its vibrations.
     """
     driven = plan_of(without_wrappers(field), len(y0)).depends_on_time
     start = sizes_at_start(field, t0, y0, t1, driven=driven)

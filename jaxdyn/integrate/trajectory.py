@@ -278,7 +278,7 @@ _PASSED, _LAST_PASSED, _PASSED_ROUNDINGS = 1e-6, 1e-3, 64
 @of_samples
 @eqx.filter_jit
 def _bounds(motion: Trajectory) -> dict[str, tuple[Array, Array]]:
-    """(s,) distances from the bounds of a system's equations, and what rounding makes of them."""
+    """(s,) distances from the bounds of a system's equations, and their errors by rounding."""
     scene = motion.scene
 
     def at_one(t, y):

@@ -113,7 +113,7 @@ class Method(abc.ABC):
 
     @property
     def damps(self) -> bool:
-        """Whether it damps fast vibrations, and with them what rounding does to a stiff motion."""
+        """Whether it damps fast vibrations, and so the effect of rounding on a stiff motion."""
         return False
 
     @property

@@ -273,8 +273,8 @@ PART = 0.1
 #: The error that a step may have in an entry is at least this multiple of the change that rounding
 #: makes in the time of the motion.
 _NOISE = 32.0
-#: Roundings in a rate that is a sum of a few products, and multiple of them up to which rates of
-#: tangents are nothing else.
+#: Number of roundings in a rate that is a sum of a few products, and the multiple of these up to
+#: which rates of tangents are only rounding.
 _FEW, _ALONE = 4.0, 64.0
 #: An entry at rest is given this part of the size that a rejected step would have given it.
 _GLIMPSE = 0.01
@@ -293,7 +293,7 @@ class AtStart(NamedTuple):
       sizes: (k, ...) the sizes of the entries.
       time: () the time in which the motion changes.
       rate: (k,) the rate there, of the state alone; (k, ...) where steps have one length.
-      noise: (k, ...) what rounding makes of the rate, if that is known.
+      noise: (k, ...) the effect of rounding on the rate, if it is known.
     """
 
     sizes: Array
@@ -381,7 +381,7 @@ def _rates_beside(
 def _rounding_of_tangents(
     perturbed: Sequence[tuple[Array, Array]], of_state: Array, rates: Array
 ) -> Array:
-    """(k, c) what rounding makes of rates of tangents that are nothing else; 0 for all others.
+    """(k, c) the effect of rounding on rates of tangents that are only rounding; 0 for all others.
 
     A parameter that cancels, such as the mass of a pendulum, has no effect but by rounding. That is
     random: evaluations may show none of it, and then no step is short enough. With p the number
