@@ -1,11 +1,11 @@
-"""Free bodies: the forces on every body of a scene, their moments, and its acceleration.
+"""Free bodies: the forces on each body of a scene, their moments, and the body's acceleration.
 
 The forces come from the effects, from the loads that a system's own equations contain, and from the
 joints (hinges, rods, wires, contacts). In a constrained formulation, and in the equations of a
 cylinder in contact, the forces in joints are among the unknowns, and are taken from there. In
 minimal coordinates no equation contains them: they are found from the balance of forces and moments
-of all bodies together. There is one more equation than unknowns for each degree of freedom, so the
-balance is a test in that case too.
+of all bodies together. The balance has more equations than unknowns, by one for each degree of
+freedom, so it is a test in that case too.
 
 Accelerations are derivatives of the velocities of the material points along the rate, and do not
 use any of these forces: `FreeBodies.residual` says how far sum F = m a and sum M = dL/dt, about the

@@ -90,11 +90,11 @@ def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
     Raises:
       ValueError: the motion through y is not steady, or all nearby motions are steady.
     Limits: a conservative motion is "undecided" unless it is unstable: linearisation can find
-      at most a "centre". Where the steady motion is a turn about one axis or another, as for an
-      upright top, imaginary parts are those in one of the frames. Symmetries of Euler angles are
-      shifts only, "ZXZ" for precession about z; they are known to rounding. Those of quaternions
-      and matrices are known to rounding over the part by which the rate distinguishes them from
-      other fields: for a fast top 5e-5, so that its frequencies have relative errors of 1e-11,
+      at most a "centre". Where the steady motion is a turn about either of two axes, as for an
+      upright top, imaginary parts are those in one of the two frames. Symmetries of Euler angles
+      are shifts only, "ZXZ" for precession about z; they are known to rounding. Those of
+      quaternions and matrices are less accurate, since the rate may hardly distinguish them from
+      other fields: for a fast top by 5e-5, so that its frequencies have relative errors of 1e-11,
       which the error bars cover, where Euler angles give 1e-14.
     Example:
       >>> from jaxdyn.scenes.bodies import top
