@@ -66,8 +66,8 @@ class Training(Ended):
       scene: the scene with these parameters, which starts at the first complete row of the data.
       losses: (steps + 1,) mean squared misfit, relative to the spread of each column, from that of
         the guess on; NaN for steps that were not taken.
-      validation_losses: (steps + 1,) those of the data held out for validation, relative to the same
-        spread; None without such data.
+      validation_losses: (steps + 1,) those of the held-out data, relative to the same spread; None
+        without such data.
       outcome: how it ended.
     """
 
@@ -165,11 +165,11 @@ def train(
         held_out = _spans("validation", model, scene, other.table, ahead, spread)
     optimiser = optax.adam(_RATE) if optimiser is None else optimiser
     units = _units(model, theta)
-    best, losses, held_out_losses, lost = _descend(model, spans, held_out, theta, units, optimiser, steps)
+    best, losses, judged, lost = _descend(model, spans, held_out, theta, units, optimiser, steps)
     params = model.as_given(best)
     start = model.scene(best).starting(spans.starts[0])
     outcome = TrainingStatus.NO_MOTION if bool(lost) else TrainingStatus.DONE
-    judged = None if held_out is None else np.asarray(held_out_losses)
+    judged = None if held_out is None else np.asarray(judged)
     return Training(params, start, np.asarray(losses), judged, outcome)
 
 
