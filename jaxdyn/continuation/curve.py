@@ -4,7 +4,7 @@ import abc
 import dataclasses
 import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Generic, Protocol, TypeVar
 
 import equinox as eqx
@@ -29,6 +29,12 @@ class Special(Protocol):
     @property
     def parameters(self) -> np.ndarray: ...
 
+    @property
+    def unknowns(self) -> np.ndarray: ...
+
+    @property
+    def tangent(self) -> np.ndarray: ...
+
 
 Point = TypeVar("Point", bound=Special)
 
@@ -45,6 +51,7 @@ class WithSecond(eqx.Module):
 
 
 _PART_OF_STEP = 0.1  # largest distance of a point on the curve from a chord, in chord lengths
+_PIECES = 12  # straight pieces between two points of a drawn line
 _ROUNDING = 1e-12  # printed parameters below this part of the largest of the curve are 0
 
 
@@ -181,6 +188,33 @@ class ParameterCurve(abc.ABC, Generic[Point]):
         """(n, 2) parameters of the members."""
         return np.array([member.parameters for member in self.members])
 
+    @property
+    @abc.abstractmethod
+    def place(self) -> np.ndarray:
+        """Indices of the unknowns in which the curve is followed, the two parameters last."""
+
+    def line(self, points: Sequence[Point]) -> np.ndarray:
+        """(m, 2) parameters on a smooth line through some of its points that follow each other.
+
+        Between two points it is a cubic with the tangents there, over the length of their chord in
+        all unknowns. Over that length the parameters are smooth at a cusp too, where a line through
+        the parameters alone would have a corner.
+        """
+        x = np.array([point.unknowns[self.place] for point in points])
+        slopes = np.array([point.tangent[self.place] for point in points])
+        extent = np.ptp(x, axis=0)
+        sizes = np.where(extent > 0, extent, np.inf)
+        slopes = slopes / np.linalg.norm(slopes / sizes, axis=1)[:, None]
+        chords = np.diff(x / sizes, axis=0)[:, None]
+        ends = np.stack([slopes[:-1], slopes[1:]], axis=1)
+        forwards = np.sign(np.sum(chords * ends / sizes, axis=2, keepdims=True))
+        ends = np.linalg.norm(chords, axis=2, keepdims=True) * forwards * ends
+        first, last = ends[:, :1, -2:], ends[:, 1:, -2:]
+        start, change = x[:-1, None, -2:], np.diff(x[:, -2:], axis=0)[:, None]
+        s = np.linspace(0.0, 1.0, _PIECES, endpoint=False)[:, None]
+        bend = 3 * change - 2 * first - last + s * (first + last - 2 * change)
+        return np.concatenate([*(start + s * (first + s * bend)), x[-1:, -2:]])
+
 
 def _chop(x: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     """Numbers with 0 for those that are smaller than `sizes`."""
@@ -206,6 +240,11 @@ class Curve(ParameterCurve[CurvePoint]):
     def names(self) -> tuple[str, str]:
         """The names of the parameters, which are those of the arguments of `make`."""
         return parameter_names(self.make)
+
+    @property
+    def place(self) -> np.ndarray:
+        """Indices of the unknowns in which the curve is followed: state and parameters."""
+        return np.arange(len(self.members[0].x))
 
     @property
     def states(self) -> np.ndarray:

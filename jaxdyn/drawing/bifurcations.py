@@ -113,12 +113,11 @@ def bifurcation_curves(curves: Sequence, path=None, *, title: str | None = None)
         colour = PALETTE[kinds.index(curve.kind) % len(PALETTE)]
         pairs = itertools.pairwise(curve.points)
         found = runs((_criticality(*pair), *pair) for pair in pairs)
-        lines = smooth(ax, [[x.parameters for x in points] for _, points in found])
-        for (which, _), line in zip(found, lines, strict=True):
+        for which, points in found:
             label = " ".join(filter(None, (which, curve.kind)))
             unknown = not which and len(found) > 1
             dashes = _SUBCRITICAL if which == "subcritical" else ":" if unknown else "-"
-            ax.plot(*line.T, color=colour, lw=1.8, ls=dashes, label=label)
+            ax.plot(*curve.line(points).T, color=colour, lw=1.8, ls=dashes, label=label)
     special = [point for curve in curves for point in curve.special]
     marks = dict.fromkeys(str(point.kind) for point in special)
     colours = itertools.cycle(PALETTE[len(kinds) :] + PALETTE[: len(kinds)])

@@ -95,6 +95,11 @@ class OrbitCurve(ParameterCurve[OrbitCurvePoint]):
         return parameter_names(self.make)
 
     @property
+    def place(self) -> np.ndarray:
+        """Indices of the unknowns in which the curve is followed: start, period, parameters."""
+        return self.equations.place
+
+    @property
     def periods(self) -> np.ndarray:
         """(n,) periods of the members [time of the scene]."""
         return np.array([member.orbit.period for member in self.members])

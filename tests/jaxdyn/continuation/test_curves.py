@@ -6,7 +6,8 @@ import pytest
 
 import jaxdyn
 from jaxdyn import drawing
-from jaxdyn.continuation import CodimensionTwo, Kind
+from jaxdyn.continuation import CodimensionTwo, Curve, Kind
+from jaxdyn.continuation.curve import CurvePoint
 from jaxdyn.continuation.normal_forms import first_lyapunov, lyapunov_coefficients
 
 
@@ -199,3 +200,18 @@ def test_a_curve_ends_where_the_rate_does():
     assert curve.end == "no point of the curve was found beyond"
     assert np.isfinite(curve.parameters).all()
     assert 0.5 <= curve.parameters[-1, 1] < 0.6
+
+
+def test_a_drawn_line_follows_the_curve_between_its_points():
+    # A circle in the parameters; the tangents have any length and sense.
+    at = np.linspace(0.0, 2 * np.pi, 11)
+    x = np.stack([0.3 * at, np.cos(at), 1e3 * np.sin(at)], axis=1)
+    slopes = np.stack([0.3 + 0 * at, -np.sin(at), 1e3 * np.cos(at)], axis=1)
+    slopes *= np.where(np.arange(11) % 2, -2.0, 0.1)[:, None]
+    members = tuple(
+        CurvePoint(Kind.FOLD, y[:1], y[1:], None, 0.0, 0.0, 0.0, y, along, y, {})
+        for y, along in zip(x, slopes, strict=True)
+    )
+    curve = Curve(Kind.FOLD, members, (), (), "", lambda p, q: None)
+    p, q = curve.line(curve.points).T
+    assert np.abs(np.hypot(p, 1e-3 * q) - 1).max() < 2e-3  # chords: 0.05
