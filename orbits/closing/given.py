@@ -217,6 +217,18 @@ def repeats(scene: Scene, period: float) -> bool:
     return bool((np.abs(now - later) <= EXACT * size).all())
 
 
+def loses_drive(scene: Scene, period: float) -> bool:
+    """Whether the drive of an orbit has become rounding error of the rate, so that any period closes.
+
+    This happens where its amplitude tends to zero, or the motion to infinity.
+    """
+    if drive_period(scene) is not None:
+        return not repeats(scene, period)
+    y, away = np.asarray(scene.y0), beside(scene)
+    rates = np.asarray(rates_at(scene, period * SPREAD, y if away is None else y + away))
+    return not np.ptp(rates, axis=0).any()
+
+
 def _rates(scene: Scene, later: float, period: float) -> np.ndarray:
     """(n, k) rates at many times, at the start and beside it: at rest the drive may cancel."""
     y0, away = np.asarray(scene.y0), beside(scene)

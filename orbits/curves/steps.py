@@ -12,6 +12,7 @@ from jaxdyn.continuation.branch import Chart, Correction, Place
 from jaxdyn.continuation.kinds import CodimensionTwo, Kind
 from jaxdyn.continuation.newton import Solution
 from jaxdyn.continuation.units import Units
+from orbits.closing.given import loses_drive
 from orbits.curves.curve import OrbitCurvePoint
 from orbits.curves.extended import Extended, Frame
 from orbits.curves.units import as_member, equation_units, place_units, units_of, unknown_units
@@ -77,6 +78,8 @@ class CurveChart(Chart[OrbitCurvePoint]):
         if found is None:
             return "Newton's method does not converge"
         new = point_at(self.extended, found, along, self.units)
+        if self.extended.driven and loses_drive(new.orbit.scene, float(new.orbit.period)):
+            return "the drive vanishes"
         return Correction(found.x / x_units, found.iterations, new)
 
     def outward(self, member: OrbitCurvePoint) -> OrbitCurvePoint:

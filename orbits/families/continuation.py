@@ -36,7 +36,7 @@ from jaxdyn.continuation.kinds import Kind
 from jaxdyn.scene import Scene
 from orbits.analysis.same import same_orbit
 from orbits.closing.closings import Hold, conditions
-from orbits.closing.given import drive_period, repeats
+from orbits.closing.given import loses_drive
 from orbits.families import checkpoint
 from orbits.families.bifurcations import leaves_open, special_points, zero_between
 from orbits.families.chains import ChainSurface
@@ -365,16 +365,11 @@ class _Problem(BranchProblem[Member]):
         return _UNBOUNDED if self._loses_drive(new.orbit) else ""
 
     def _loses_drive(self, orbit: Orbit | HybridOrbit) -> bool:
-        """Whether the period is no multiple of the drive's.
-
-        Near a resonance without damping the drive soon becomes rounding error of the rate, and then
-        any period closes.
-        """
+        """Whether the drive is rounding error, as soon near a resonance without damping."""
         equations = self.surface.equations
         if isinstance(equations, ChainEquations) or not equations.driven:
             return False
-        known = drive_period(orbit.scene)
-        return known is not None and not repeats(orbit.scene, float(orbit.period))
+        return loses_drive(orbit.scene, float(orbit.period))
 
     def bounded(self, chart: OrbitChart, member: Member) -> list[Bounded]:
         energy = Bounded(member.energy, self.energies, "on the energy, ")

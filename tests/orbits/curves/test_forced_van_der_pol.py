@@ -121,3 +121,25 @@ def test_the_edges_of_the_third_tongue_are_those_of_the_phase_response():
     # Terms of order F^2 move both edges alike.
     assert abs((edges[0] - edges[1]) / (2 * force * abs(c)) - 1) < 1e-5
     assert abs(edges[0] + edges[1]) < force**2 * 0.01
+
+
+def test_a_curve_ends_before_the_drive_vanishes():
+    # Without a force any period closes, so nothing determines w at the tip of the tongue.
+    def rate(t, y, c):
+        w, force = c
+        return [y[1], 0.5 * (1 - y[0] ** 2) * y[1] - y[0] + force * jnp.cos(w * t)]
+
+    def make(w, force):
+        return jaxdyn.ode(rate, [0.0, 0.0], 2 * jnp.pi / w, params=jnp.stack([w, force]))
+
+    both = np.array([0.95903408, 0.09954733])
+    scene = make(*jnp.asarray(both)).starting(jnp.array([1.99415215, -0.22736066]))
+    fold = Orbit(scene, PLAIN, 0.0, Outcome.FOUND, 0, 1e-13)
+    within = ((0.8, 1.2), (0.0, 0.6))
+    curve = orbits.continue_curve(
+        make, fold, both, kind=Kind.FOLD, step=0.5, down=True, members=4, within=within
+    )
+    for member in curve.members:
+        assert abs(member.orbit.period * member.parameters[0] - 2 * np.pi) < 1e-12
+    assert curve.parameters[-1, 1] > 1e-3
+    assert curve.end.endswith("on which no member was found")
