@@ -218,9 +218,9 @@ def repeats(scene: Scene, period: float) -> bool:
 
 
 def loses_drive(scene: Scene, period: float) -> bool:
-    """Whether the drive of an orbit has become rounding error of the rate, so that any period closes.
+    """Whether the drive of an orbit is rounding error of the rate, so that any period closes.
 
-    This happens where its amplitude tends to zero, or the motion to infinity.
+    It becomes so where its amplitude tends to zero, or the motion to infinity.
     """
     if drive_period(scene) is not None:
         return not repeats(scene, period)

@@ -144,8 +144,8 @@ def continue_curve(
     Limits: host only. A branch point is followed only where a symmetry preserves it: the orbit must
       close after one of two parts (``closing=orbits.Return(symmetry, parts=2)``), over twice the
       period of a drive, and then special points other than cusps are not named. A curve of torus
-      points ends at a 1:1 or 1:2 resonance; one of a driven scene ends before the drive vanishes, as
-      at the tip of an Arnold tongue, so bound its amplitude away from 0.
+      points ends at a 1:1 or 1:2 resonance. A curve of a driven scene ends before the drive
+      vanishes, as at the tip of an Arnold tongue: bound its amplitude away from 0.
     Reference: Govaerts, Kuznetsov, Dhooge (2005), SIAM J. Sci. Comput. 27, 231; Kuznetsov (2004),
       Elements of Applied Bifurcation Theory, chapters 9 and 10.
     """

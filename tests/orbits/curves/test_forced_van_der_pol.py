@@ -123,6 +123,7 @@ def test_the_edges_of_the_third_tongue_are_those_of_the_phase_response():
     assert abs(edges[0] + edges[1]) < force**2 * 0.01
 
 
+@pytest.mark.slow
 def test_a_curve_ends_before_the_drive_vanishes():
     # Without a force any period closes, so nothing determines w at the tip of the tongue.
     def rate(t, y, c):
