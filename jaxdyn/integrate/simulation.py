@@ -213,7 +213,8 @@ def solve(
       at t = 10 and to 6 at t = 20, where the state has 8; they gain a digit with each power of ten
       of rtol. Central differences are worse: 7 to 10 digits, with the best step. (All were compared
       with variational equations in 60 digits.) With `adjoint` they are NaN for stiff motions, whose
-      fast parts grow backwards in time; leave it out there.
+      fast parts grow backwards in time; leave it out there. Under vmap all samples are copied at
+      each step: for hundreds of them use `jax.lax.map`.
     """
     _checks.float64(rtol)
     options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)
