@@ -8,7 +8,8 @@ shaking base) is such a motion, with the period of its drive.
 Multipliers are computed numbers and carry an error bar (see `eigenvalues`), from the change of M
 between two tolerances. A real multiplier within its bar of the circle decides nothing. A complex
 pair on the circle does, in a conservative scene: it can leave the circle only by meeting another
-pair.
+pair. Conservative means that M preserves a symplectic form: that of the scene's canonical
+coordinates or, where it has none, a constant one that its rate preserves (`invariant_form`).
 
 This is not for orbits of autonomous scenes, which always have multipliers 1, in defective pairs.
 """
@@ -32,6 +33,8 @@ from jaxdyn.analysis.monodromy import (
     SYMPLECTIC,
     coarser,
     end_and_derivative,
+    preserved_form,
+    slopes_nearby,
     symplectic_defect,
     symplectic_form,
     uncertainty,
@@ -112,6 +115,7 @@ def chart(
       rtol: relative tolerance of a step.
     Raises:
       ValueError: no numbers, `rtol` out of range, or a motion that does not repeat.
+    Limits: damping that vanishes only on average over the period leaves stable motions undecided.
     """
     first, second, xs, ys = _checks.grid(first, second)
     corner, period = make(jnp.asarray(first[0]), jnp.asarray(second[0]))
@@ -194,6 +198,7 @@ class _Period(NamedTuple):
       gap: () closing error of the motion, relative to the sizes of the entries at its start and
         to their images under M.
       form: (k, k) symplectic form that M preserves if the scene is conservative, or None.
+      slopes: (n, k, k) Jacobians of the rate that determine such a form if `form` is None, or None.
     """
 
     monodromy: Array
@@ -201,6 +206,7 @@ class _Period(NamedTuple):
     period: Array
     gap: Array
     form: Array | None
+    slopes: Array | None
 
 
 def _tolerances(rtol: float) -> tuple[Array, Array]:
@@ -224,17 +230,20 @@ def _one_period(scene: Scene, period: Array, rtols) -> _Period:
     sizes = at_start(scene.field, known, jnp.zeros(()), scene.y0, period)[0].sizes
     sizes = jnp.maximum(sizes, known.sizes(jnp.abs(M) @ sizes))
     gap = jnp.abs(scene.system.difference(end, scene.y0))
+    form = symplectic_form(scene, scene.y0)
+    each = jnp.where(sizes > 0, sizes, 1.0)
     return _Period(
         monodromy=M,
         coarse=coarse,
         period=period,
         gap=jnp.max(gap / jnp.where(gap > 0, sizes, 1.0)),
-        form=symplectic_form(scene, scene.y0),
+        form=form,
+        slopes=slopes_nearby(scene, each, period) if form is None else None,
     )
 
 
 def _judge(found: _Period, rtol: float) -> Floquet:
-    M, coarse, period, gap, form = found
+    M, coarse, period, gap, form, slopes = found
     if (gap > _MAX_GAP).any():
         raise _checks.fail(
             "y0",
@@ -246,6 +255,8 @@ def _judge(found: _Period, rtol: float) -> Floquet:
     safe, coarse = (np.where(failed[..., None, None], 0.0, x) for x in (M, coarse))
     units = balance(safe)
     safe, coarse = (map_in_units(x, units) for x in (safe, coarse))
+    if form is None and slopes is not None:
+        form = _preserved_forms(slopes)
     if form is not None:
         form = form * units[..., None, :] * units[..., :, None]
     eigenvalues = map_eigenvalues(safe, uncertainty(safe, coarse, rtol))
@@ -254,3 +265,11 @@ def _judge(found: _Period, rtol: float) -> Floquet:
     values, bars = (np.where(failed[..., None], np.nan, x) for x in eigenvalues)
     growth = np.log(np.abs(values[..., 0])) / period
     return Floquet(multipliers=values, bars=bars, growth=growth, verdict=verdict, monodromy=M)
+
+
+def _preserved_forms(slopes: np.ndarray) -> np.ndarray:
+    """(..., k, k) the `preserved_form` of slopes (..., n, k, k), NaN where there is none."""
+    k = slopes.shape[-1]
+    found = (preserved_form(x) for x in slopes.reshape(-1, *slopes.shape[-3:]))
+    forms = [np.full((k, k), np.nan) if x is None else x for x in found]
+    return np.reshape(forms, (*slopes.shape[:-3], k, k))

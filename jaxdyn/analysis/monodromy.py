@@ -145,25 +145,40 @@ def invariant_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray |
 
     Limits: host only; at most 16 entries; found to rounding, not proved.
     """
-    y0 = np.asarray(scene.y0)
-    if len(y0) % 2 or len(y0) > _MOST_ENTRIES:
-        return None
     if each is None:
-        each = np.full(len(y0), np.abs(y0).max(initial=0.0) or 1.0)
+        each = np.full(len(scene.y0), np.abs(np.asarray(scene.y0)).max(initial=0.0) or 1.0)
+    slopes = slopes_nearby(scene, jnp.asarray(each), jnp.ones(()))
+    return None if slopes is None else preserved_form(np.asarray(slopes) * each / each[:, None])
+
+
+@check_first
+def slopes_nearby(scene: Scene, each: Array, span) -> Array | None:
+    """(n, k, k) Jacobians of the rate at random states near the start and times in a span.
+
+    None where their forms are not looked for: an odd number of entries, or more than 16. The sizes
+    `each` (k,) of the entries scale the changes of the states.
+    """
+    k = len(scene.y0)
+    if k % 2 or k > _MOST_ENTRIES:
+        return None
     # Entries that are 0 or small are varied too: on or near an axis of symmetry the rate changes so
     # little that further forms are preserved to rounding.
-    sizes = np.maximum(np.abs(y0), _LEAST_ENTRY * each)
+    sizes = jnp.maximum(jnp.abs(scene.y0), _LEAST_ENTRY * each)
     random = np.random.default_rng(0)
-    ys = y0 + _SPREAD * sizes * random.standard_normal((_STATES, len(y0)))
-    slopes = np.asarray(
-        _rate_slopes(scene, jnp.asarray(random.uniform(size=_STATES)), jnp.asarray(ys))
-    )
-    slopes = slopes[np.isfinite(slopes).all(axis=(1, 2))] * each / each[:, None]
+    changes = _SPREAD * random.standard_normal((_STATES, k))
+    ys = scene.y0[None] + sizes[None] * changes
+    return _rate_slopes(scene, span * random.uniform(size=_STATES), ys)
+
+
+def preserved_form(slopes: np.ndarray) -> np.ndarray | None:
+    """(k, k) a symplectic form J with A^T J + J A = 0 for `slopes_nearby` A (n, k, k), or None."""
+    k = slopes.shape[-1]
+    slopes = slopes[np.isfinite(slopes).all(axis=(1, 2))]
     if len(slopes) <= _STATES // 2:
         return None
     # In units from one normal mode the other modes are small, and so are their entries of a form:
     # it would count as singular, and damping of these modes as rounding.
-    units = np.ones(len(y0))
+    units = np.ones(k)
     for _ in range(_BALANCED):
         forms = invariant_forms(list(slopes))
         more = balancing(np.linalg.norm(forms, axis=0))

@@ -84,6 +84,20 @@ _SYNONYMS = {
     "gait": ("walk",),
     "impact": ("impact", "bounce"),
     "collision": ("impact", "bounce", "encounter"),
+    "bouncing": ("bounce",),
+    "coriolis": ("rotating frame", "gyroscopic", "defined by a force"),
+    "foucault": ("gyroscopic", "defined by a force"),
+    "foucault pendulum": ("gyroscopic", "defined by a force"),
+    "shock": ("pulse",),
+    "earthquake": ("steps, pulses", "masses in a row"),
+    "solar": ("n body", "horizons"),
+    "solar system": ("n body", "horizons"),
+    "transfer": ("from one orbit",),
+    "transfer orbit": ("from one orbit", "libration point"),
+    "mathieu": ("shaken", "shaking base", "curves in two parameters"),
+    "mathieu equation": ("shaken", "shaking base", "curves in two parameters"),
+    "tongue": ("curves in two parameters", "special orbits in two parameters"),
+    "arnold tongue": ("curves in two parameters", "special orbits in two parameters"),
 }
 
 _EFFECTS = Path(__file__).parents[1] / "effects"

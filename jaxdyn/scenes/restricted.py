@@ -141,6 +141,9 @@ SYSTEMS = {
     "saturn-titan": Pair(2.366393158331484e-4, 1195677.0, 212238.0),
 }
 _DAY = 86400.0  # [s]
+#: Largest G (m1 + m2) of a pair [km^3/s^2], that of 750 suns; of Earth and Moon it is 4e5. A time
+#: in days instead of seconds multiplies it by 7e9.
+_HEAVIEST = 1e14
 
 
 class RestrictedThreeBodyInKilometres(RestrictedThreeBodyInSpace):
@@ -221,9 +224,10 @@ def restricted_three_body_in_space(
       system: "" for these units; "earth-moon", "sun-earth", "sun-mars", "mars-phobos",
         "jupiter-europa", "saturn-enceladus" or "saturn-titan" for the same scene in km and days,
         with the numbers of that pair in JPL's catalogue of periodic orbits of three bodies; those
-        of Earth and Moon are 389703 km and 4.43265 days over a radian, a month of 27.851 days. A
-        ``scenes.restricted.Pair(mu, distance, time)`` has other ones, such as 384400 km and the
-        sidereal month of 27.322 days. The numbers above remain relative to the distance and the
+        of Earth and Moon are 389703 km and 382981 s over a radian, a month of 27.851 days. A
+        ``scenes.restricted.Pair(mu, distance, time)`` has other ones, the distance in km and the
+        time over a radian in seconds, such as 384400 km and 375700 s, from the sidereal month of
+        27.322 days. The numbers above remain relative to the distance and the
         angular velocity of the pair; ``scene.starting(y0, t1)`` takes a state in km and km/day,
         and a span in days.
     """
@@ -234,6 +238,7 @@ def restricted_three_body_in_space(
     if not isinstance(system, Pair):
         name = _checks.choice("system", system, list(SYSTEMS))
         bodies, system = tuple(name.title().split("-")), SYSTEMS[name]
+    _check_mass(system)
     if _checks.is_traced(mu) or float(mu) != _MOON:
         raise _checks.fail("mu", "none with system=, which has its own", mu, "Leave it out.")
     if not _checks.is_traced(y0) and float(jnp.abs(y0).max()) > _MOST:
@@ -243,6 +248,17 @@ def restricted_three_body_in_space(
     days = system.time / _DAY
     made = RestrictedThreeBodyInKilometres(system.mu, system.distance, days, bodies=bodies)
     return Scene(made, y0=y0 * made.units, t1=t1 * days)
+
+
+def _check_mass(pair: Pair) -> None:
+    if _checks.is_traced(pair[1:]):
+        return
+    distance, time = float(pair.distance), float(pair.time)
+    if time > 0 and distance**3 / time**2 > _HEAVIEST:
+        mass = f"G M = distance^3 / time^2 = {distance**3 / time**2:.0e} km^3/s^2"
+        got = f"{time:g} at a distance of {distance:g} km ({mass}; 1e11 for the Sun)"
+        remedy = "The time of a Pair is in seconds, although the scene is in km and days."
+        raise _checks.fail("time", "1 over the angular velocity, in seconds", got, remedy)
 
 
 _HALVINGS = 60  # bisections of intervals shorter than 2, to the last bit

@@ -54,7 +54,10 @@ def find_all(
       report: called with each orbit as it is found, so that an interrupted run leaves what it has.
     Returns:
       The orbits in the order in which they were found, each over its shortest period; no two are
-      the same up to symmetries, see `same_orbit`.
+      the same up to the symmetries of `same_orbit`: shifts in time and, for several free points,
+      rotations, reflections, reversal and relabelling. Other symmetries of a scene are not known:
+      images of an orbit under them, such as its mirror image or its copies turned by a third in
+      `scenes.henon_heiles`, count as further orbits.
     Raises:
       ValueError: `y0s` or `period` has the wrong shape, or what `find` refuses.
     Limits: a search proves nothing about orbits it has not found. Host only.

@@ -28,7 +28,8 @@ class Member:
 
     Attributes:
       orbit: the orbit.
-      parameter: its value of the family's parameter; NaN without one.
+      parameter: its value of the family's parameter; NaN in a family of one scene, where
+        `energy` says where on the family it is.
       energy: energy of the scene at the start; NaN without one.
       stability: multipliers and verdict.
       point: the orbit's point on the surface of solutions.
@@ -171,7 +172,7 @@ class Family:
 
     @property
     def parameters(self) -> np.ndarray:
-        """(n,) parameters of the members."""
+        """(n,) parameters of the members; NaN in a family of one scene, see `energies`."""
         return np.array([member.parameter for member in self.members])
 
     @property
@@ -181,7 +182,7 @@ class Family:
 
     @property
     def energies(self) -> np.ndarray:
-        """(n,) energies of the members."""
+        """(n,) energies of the members; NaN where the scene has none."""
         return np.array([member.energy for member in self.members])
 
 

@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
+import jaxdyn
 from jaxdyn import drawing, scenes
 from jaxdyn.analysis import floquet
 from jaxdyn.analysis.monodromy import monodromy
@@ -37,6 +38,33 @@ def test_problem_29_the_chart_is_mathieus(uniform):
     assert np.array_equal(chart.verdict == "stable", expected)
     assert np.array_equal(chart.verdict == "unstable", ~expected)
     assert np.array_equal(chart.growth > 1e-5, ~expected)
+
+
+def _mathieu(a, q):
+    def rate(t, y, c):
+        return [y[1], -(c[0] - 2 * c[1] * jnp.cos(2 * t)) * y[0]]
+
+    return jaxdyn.ode(rate, [0.0, 0.0], jnp.pi, params=[a, q]), jnp.pi
+
+
+def test_the_chart_of_an_equation_without_canonical_coordinates_is_ince_and_strutts():
+    a, q = np.linspace(-0.45, 5.05, 12), np.array([0.1, 0.6, 1.5])
+    chart = floquet.chart(_mathieu, a, q)
+    expected = mathieu_stable(*np.meshgrid(a, q, indexing="ij"))
+    assert 10 < expected.sum() < 30  # both kinds are there
+    assert np.array_equal(chart.verdict, np.where(expected, "stable", "unstable"))
+
+
+def test_tiny_damping_whose_sign_the_multipliers_do_not_show_decides_nothing():
+    def damped(c, a):
+        def rate(t, y, c):
+            return [y[1], -(c[1] + jnp.cos(2 * t)) * y[0] - c[0] * y[1]]
+
+        return jaxdyn.ode(rate, [0.0, 0.0], jnp.pi, params=[c, a]), jnp.pi
+
+    # By Liouville |multiplier| = exp(-c T / 2).
+    verdicts = floquet.chart(damped, [-1e-3, -1e-11, 0.0, 1e-3], [2.0], rtol=1e-9).verdict[:, 0]
+    assert verdicts.tolist() == ["unstable", "undecided", "stable", "stable"]
 
 
 def _characteristic(curve, frequency: float) -> float:

@@ -197,6 +197,21 @@ def test_distance_and_month_may_be_given():
         scenes.restricted_three_body_in_space(system=pair._replace(distance=-1.0)).check()
 
 
+@pytest.mark.parametrize("name", scenes.restricted.SYSTEMS)
+def test_a_time_in_days_is_refused_and_one_in_seconds_weighs_the_bodies(name):
+    pair = scenes.restricted.SYSTEMS[name]
+    # G M of the larger body [km^3/s^2], as JPL's planetary ephemeris DE440 has it.
+    heavy = {"sun": 1.32712e11, "earth": 3.98600e5, "mars": 4.28284e4}
+    heavy |= {"jupiter": 1.266865e8, "saturn": 3.793121e7}
+    mass = (1 - pair.mu) * pair.distance**3 / pair.time**2
+    assert mass == pytest.approx(heavy[name.partition("-")[0]], rel=2e-2)
+    scenes.restricted_three_body_in_space(system=pair)
+    days = pair._replace(time=pair.time / 86400)
+    said = rf"^time: expected 1 over .*, in seconds, got {days.time:g} at .* Pair is in seconds"
+    with pytest.raises(ValueError, match=said):
+        scenes.restricted_three_body_in_space(system=days)
+
+
 def test_units_of_a_scene_are_those_of_its_tables(tmp_path):
     scene = scenes.restricted_three_body_in_space(system="earth-moon")
     motion = jaxdyn.simulate(scene, 1.0, samples=3)
