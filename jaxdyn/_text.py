@@ -362,8 +362,8 @@ def fields(self: Any) -> str:
 def field_rows(self: Any) -> list[tuple[str, str]]:
     """Name and text of each field of a record of results, in the units of its scene, if any."""
     kind, tuples = type(self), isinstance(self, tuple)
-    names = self._fields if tuples else [field.name for field in dataclasses.fields(self)]
-    named = getattr(getattr(self, "scene", None), "in_units", str)
+    names = self._fields if tuples else [x.name for x in dataclasses.fields(self) if x.repr]
+    named = getattr(getattr(self, "scene", self), "in_units", str)
     rows = [(name, _field(kind, name, getattr(self, name), named)) for name in names]
     if isinstance(getattr(kind, "message", None), property):
         rows.append(("message", self.message))

@@ -2,7 +2,8 @@
 
 `lyapunov` computes the Lyapunov exponents of one motion, with error bars, by a frame of tangents
 that is carried along it. `indicators` has MEGNO, SALI and GALI for many starts at once; `maps`
-computes them over two numbers. `frequencies` resolves a motion into its frequencies.
+computes them over two numbers. `frequencies` resolves a motion into its frequencies. `timed` has
+the results that print times and rates in the unit of a scene.
 
 May import: `ensemble`, `analysis`, `files`.
 

@@ -16,6 +16,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _text
 from jaxdyn._checks import check_first
+from jaxdyn.chaos.timed import Timed
 from jaxdyn.ensemble import engine
 from jaxdyn.ensemble.lanes import Ends
 from jaxdyn.ensemble.watches import Until
@@ -26,7 +27,7 @@ from jaxdyn.plan import plan_of
 from jaxdyn.scales import sizes_at_start, sizes_at_starts
 from jaxdyn.scene import Field, Scene, check_scene
 from jaxdyn.status import Status
-from jaxdyn.system import Record, System
+from jaxdyn.system import System
 
 # ---- Systems that carry unit tangents with their motion, for ensembles
 #
@@ -104,17 +105,17 @@ RTOL = 1e-10
 ALIGNED = 1e-14
 
 
-class Megno(Record):
+class Megno(Timed):
     """The mean exponential growth of nearby orbits, for each start.
 
     Attributes:
       megno: (...) Y [1]: oscillates about 2 for quasi-periodic motions, and grows like L t for
         chaotic ones, with L the largest Lyapunov exponent.
-      mean: (...) mean of Y over the time [1]: tends to 2 for quasi-periodic motions, and grows like
-        L t / 2 for chaotic ones.
-      exponent: (...) mean growth rate of the tangent, in 1 over the scene's unit of time, which
-        tends to the largest Lyapunov exponent.
-      time: (...) time since the start, in the scene's unit of time.
+      mean: (...) mean of Y since the start [1]: tends to 2 for quasi-periodic motions, and grows
+        like L t / 2 for chaotic ones.
+      exponent: (...) mean growth rate of the tangent [1/s], in 1 over the scene's unit of time;
+        it tends to the largest Lyapunov exponent.
+      time: (...) time since the start [s], in the scene's unit of time.
       status: (...) `Status` codes; numbers are NaN unless it is OK.
     """
 
@@ -128,13 +129,13 @@ class Megno(Record):
     _repr_html_ = _text.html
 
 
-class Alignment(Record):
+class Alignment(Timed):
     """How far from parallel the tangents of a motion are at its end, for each start.
 
     Attributes:
       index: (...) SALI, between 0 and sqrt(2), or GALI, between 0 and 1 [1].
-      time: (...) time since the start, in the scene's unit of time; a SALI below `ALIGNED` ends
-        the run.
+      time: (...) time since the start [s], in the scene's unit of time; a SALI below `ALIGNED`
+        ends the run.
       status: (...) `Status` codes; numbers are NaN unless it is OK.
     """
 
@@ -191,7 +192,7 @@ def megno(
     growth, weighted, mean, time = np.moveaxis(ends.y1[:, -4:], -1, 0)
     with np.errstate(invalid="ignore"):
         values = (weighted / time, mean / time, growth / np.abs(time), np.abs(time), ends.status)
-    return Megno(*(x.reshape(shape) for x in values))
+    return Megno(*(x.reshape(shape) for x in values), time_unit=_text.second(scene.labels()))
 
 
 @check_first
@@ -234,7 +235,7 @@ def sali(
     ends, shape = run.run_all(starts, t0, t1, rtol, progress, run.parallel())
     u = run.tangents(ends)
     index = np.minimum(*(np.linalg.norm(u[:, 0] + s * u[:, 1], axis=1) for s in (1, -1)))
-    return _alignment(index, ends, t0, shape)
+    return _alignment(scene, index, ends, t0, shape)
 
 
 @check_first
@@ -278,12 +279,16 @@ def gali(
     u = run.tangents(ends)
     lost = np.isnan(np.sum(u, axis=(1, 2)))
     stretches = np.linalg.svd(np.where(lost[:, None, None], 0.0, u), compute_uv=False)
-    return _alignment(np.where(lost, math.nan, np.prod(stretches, axis=1)), ends, t0, shape)
+    index = np.where(lost, math.nan, np.prod(stretches, axis=1))
+    return _alignment(scene, index, ends, t0, shape)
 
 
-def _alignment(index: np.ndarray, ends: Ends, t0, shape: tuple[int, ...]) -> Alignment:
+def _alignment(
+    scene: Scene, index: np.ndarray, ends: Ends, t0, shape: tuple[int, ...]
+) -> Alignment:
     time = np.abs(ends.t - np.ravel(t0))
-    return Alignment(*(x.reshape(shape) for x in (index, time, ends.status)))
+    values = (x.reshape(shape) for x in (index, time, ends.status))
+    return Alignment(*values, time_unit=_text.second(scene.labels()))
 
 
 class _Parallel(eqx.Module):

@@ -20,6 +20,7 @@ from jaxtyping import Array
 from jaxdyn import _checks, _text
 from jaxdyn._checks import check_first
 from jaxdyn.analysis.monodromy import balancing, invariant_form, tangents
+from jaxdyn.chaos.timed import Timed
 from jaxdyn.integrate.flow import Variational, flow
 from jaxdyn.integrate.march import Limits
 from jaxdyn.integrate.spans import MAX_STEPS, SolverOptions, limits, span
@@ -30,7 +31,6 @@ from jaxdyn.scene import Field, FieldAround, Scene
 from jaxdyn.solvers import Method, Solver
 from jaxdyn.solvers.choice import check_method
 from jaxdyn.status import Status
-from jaxdyn.system import Record
 
 # ---- Orthonormal tangents carried along a motion, and the factors by which they are stretched
 #
@@ -210,7 +210,7 @@ BATCHES = 32
 _STUDENT = 2.04
 
 
-class LyapunovSpectrum(Record):
+class LyapunovSpectrum(Timed):
     """Lyapunov exponents, their error bars, and the sums that must hold.
 
     Attributes:
@@ -254,8 +254,9 @@ class LyapunovSpectrum(Record):
 
     @_text.never_raising
     def __repr__(self) -> str:
+        per, s = (self.in_units(unit) for unit in ("1/s", "s"))
         rows = [
-            (f"exponent {i + 1}", f"{_text.brief(float(x))} +- {float(bar):.1e}")
+            (f"exponent {i + 1}", f"{_text.brief(float(x))} +- {float(bar):.1e} {per}".rstrip())
             for i, (x, bar) in enumerate(zip(self.exponents, self.bars, strict=True))
         ]
         residuals = {"trace": self.trace_residual, "pairing": self.pairing_residual}
@@ -263,9 +264,9 @@ class LyapunovSpectrum(Record):
         dimension, bar = float(self.dimension), float(self.dimension_bar)
         others = [
             ("dimension", "" if np.isnan(dimension) else f"{_text.brief(dimension)} +- {bar:.1e}"),
-            ("divergence", _text.brief(self.divergence)),
-            ("residuals", ", ".join(known)),
-            ("time", f"{_text.brief(self.time)}, in chunks of {_text.brief(self.chunk)}"),
+            ("divergence", _text.brief(self.divergence, per)),
+            ("residuals", f"{', '.join(known)} {per}" if known and per else ", ".join(known)),
+            ("time", f"{_text.brief(self.time, s)}, in chunks of {_text.brief(self.chunk, s)}"),
             ("status", f"{Status(int(self.status)).name}: {self.message}"),
         ]
         return _text.table("LyapunovSpectrum", _text.shorten(rows) + others)
@@ -284,8 +285,8 @@ class LyapunovSpectrum(Record):
 
     def as_dict(self) -> dict[str, Any]:
         """All numbers but the batches as lists, with None for what is not finite; host only."""
-        names = (field.name for field in dataclasses.fields(self))
-        return {name: _text.with_null(getattr(self, name)) for name in names if name != "batches"}
+        names = (x.name for x in dataclasses.fields(self) if x.repr and x.name != "batches")
+        return {name: _text.with_null(getattr(self, name)) for name in names}
 
 
 def summary_of(batches: Array, divergence: Array, shear: Array, k: int) -> dict[str, Array]:
@@ -431,7 +432,7 @@ def lyapunov_exponents(
     )
     if throw:
         raise_unless_ok(found.status, scene)
-    return found
+    return dataclasses.replace(found, time_unit=_text.second(scene.labels()))
 
 
 def _checked_transient(transient, time: float) -> float:

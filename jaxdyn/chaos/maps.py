@@ -12,18 +12,18 @@ from jaxtyping import Array
 from jaxdyn import _checks, _labelled, _text
 from jaxdyn._labelled import Labelled, Values
 from jaxdyn.chaos.indicators import RTOL, megno
+from jaxdyn.chaos.timed import Timed
 from jaxdyn.files.layout import Layout
 from jaxdyn.files.rows import program_text, rows_in
 from jaxdyn.scene import Scene
 from jaxdyn.status import Status
-from jaxdyn.system import Record
 
 #: The layout of a map's file, and the number of motions in one of its lines.
 _LAYOUT = Layout("jaxdyn-chaos-map", 1, "jaxdyn.chaos.chaos_map")
 _CHUNK = 1024
 
 
-class ChaosMap(Record):
+class ChaosMap(Timed):
     """The mean MEGNO over a grid of two numbers: first by row, second by column.
 
     Attributes:
@@ -31,8 +31,8 @@ class ChaosMap(Record):
       second: (b,) values of the second number.
       mean: (a, b) mean MEGNO [1]: about 2 where motions are regular, larger where they are chaotic;
         NaN where there is no motion, or it failed.
-      exponent: (a, b) mean growth rate of a tangent, in 1 over the unit of time.
-      time: (a, b) time of each motion, in the unit of time of its scene.
+      exponent: (a, b) mean growth rate of a tangent [1/s], in 1 over the scenes' unit of time.
+      time: (a, b) time of each motion [s], in the scenes' unit of time.
       status: (a, b) `Status` codes.
     """
 
@@ -53,7 +53,8 @@ class ChaosMap(Record):
 
     def _to_labelled(self) -> Labelled:
         axes = "first", "second"
-        units = {"mean": "1", "exponent": "", "time": "", "status": ""}  # unit of the scene's time
+        per, s = (self.in_units(unit) for unit in ("1/s", "s"))
+        units = {"mean": "1", "exponent": per, "time": s, "status": ""}
         return Labelled(
             {axis: Values((axis,), getattr(self, axis)) for axis in axes},
             {name: Values(axes, getattr(self, name), unit) for name, unit in units.items()},
@@ -125,7 +126,8 @@ def chaos_map(
     program = program_text(lambda scene, t, y: scene.rate(t, y), one, 0.0, one.y0)
     with rows_in(path, _LAYOUT, (program, every, t1, rtol), _CHUNK) as kept:
         *values, status = kept.compute(every, rows).T.reshape(4, len(first), len(second))
-    return ChaosMap(first, second, *values, status=status.astype(int))
+    time_unit = _text.second(one.labels())
+    return ChaosMap(first, second, *values, status=status.astype(int), time_unit=time_unit)
 
 
 @eqx.filter_jit

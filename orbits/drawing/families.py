@@ -1,4 +1,4 @@
-"""A picture of a family of orbits: a quantity of each, their stability and special points."""
+"""A picture of families of orbits: a quantity of each, their stability and special points."""
 
 import itertools
 import math
@@ -12,7 +12,16 @@ from jaxdyn._checks import check_first, fail
 from jaxdyn._text import with_unit
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.drawing.bifurcations import draw_stretches, stretches
-from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, legend_below, legend_entries, style
+from jaxdyn.drawing.figures import (
+    INK,
+    PALETTE,
+    blank,
+    finish,
+    legend_below,
+    legend_entries,
+    path_entries,
+    style,
+)
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.output_files import picture_path
 from orbits.analysis.quantities import Quantity, label, unit
@@ -35,39 +44,74 @@ MARKS = {
 
 @check_first
 def family(
-    listed: Family | Listing,
+    listed: Family | Listing | Sequence[Family | Listing],
     path=None,
     *,
     quantity: str | Quantity = "period",
     parameter: str | None = None,
     title: str | None = None,
+    names: Sequence[str] | None = None,
 ) -> Figure:
-    """A picture of a family: a quantity of its orbits against its parameter or the energy.
+    """A picture of families: a quantity of their orbits against the parameter or the energy.
 
     Stable stretches are solid, unstable ones dashed, and those between two verdicts or without a
     verdict dotted; special points are marked.
 
     Args:
-      listed: a family, or a list of one, from `family_files.load`.
+      listed: a family, or a list of one, from `family_files.load`; several are drawn on the same
+        axes, each in its own colour.
       path: file to write, .png, .pdf or .svg.
       quantity: "period", "energy", "jacobi", "multiplier"; "amplitude x", "max x", "min x",
         "mean x" or "phase x" of an entry x of the state; or a function from an orbit to a number.
         See `orbits.analysis.quantities`.
       parameter: name of the parameter of a family in the picture.
       title: its title; the scene with the numbers that all orbits share by default, "" for none.
+      names: names of several families, for the legend.
     Raises:
-      ValueError: `path` cannot be written, the family has no parameter and its scene no energy, or
-        there is no such quantity.
+      ValueError: `path` cannot be written, a family has no parameter and its scene no energy,
+        there is no such quantity, several families are over different numbers, or `names` has not
+        one name for each.
     """
     path, of_orbit = picture_path(path), named_quantity(quantity)
-    if isinstance(listed, Family):
-        if parameter is not None and parameter_name(listed) is None:
-            raise fail("parameter", "none for a family in energy", repr(parameter))
-        listed = listing(listed, parameter or parameter_name(listed))
-    if listed.parameter is None and math.isnan(listed.members[0].energy):
-        raise fail("listed", "a family with a parameter or an energy", "one without both")
+    several = list(listed) if isinstance(listed, list | tuple) else [listed]
+    drawn = [_listing(one, parameter) for one in several]
+    _check_together(drawn, names)
     figure = blank(_WIDTH, 5.0)
     ax: Any = figure.add_subplot(1, 1, 1)
+    for one, colour in zip(drawn, itertools.cycle(PALETTE), strict=False):
+        _draw(ax, one, of_orbit, colour, PALETTE[len(drawn) :] or PALETTE)
+    scenes = [first_scene(entry.orbit) for one in drawn for entry in one.members]
+    energy = with_unit("energy", scenes[0].in_units("J"))
+    ax.set(xlabel=drawn[0].parameter or energy, ylabel=_label(quantity, drawn[0]))
+    ax.set_title(heading(title, scenes, _WIDTH), fontsize=10)
+    style(ax)
+    legend_below(figure, [*path_entries(names or (), PALETTE[: len(drawn)]), *legend_entries(ax)])
+    return finish(figure, path)
+
+
+def _listing(one: Family | Listing, parameter: str | None) -> Listing:
+    """A family as a list, with an energy or a parameter of the given name."""
+    if isinstance(one, Family):
+        if parameter is not None and parameter_name(one) is None:
+            raise fail("parameter", "none for a family in energy", repr(parameter))
+        one = listing(one, parameter or parameter_name(one))
+    if one.parameter is None and math.isnan(one.members[0].energy):
+        raise fail("listed", "a family with a parameter or an energy", "one without both")
+    return one
+
+
+def _check_together(drawn: Sequence[Listing], names: Sequence[str] | None) -> None:
+    if not drawn:
+        raise fail("listed", "at least one family", "none")
+    over = list(dict.fromkeys(one.parameter or "energy" for one in drawn))
+    if len(over) > 1:
+        raise fail("listed", "families in one parameter, or in energy", " and ".join(over))
+    if names is not None and len(names) != len(drawn):
+        raise fail("names", f"{len(drawn)}, one for each family", len(names))
+
+
+def _draw(ax, listed: Listing, of_orbit: Quantity, colour, others: Sequence) -> None:
+    """Draw a family in a colour, and its special points in other ones."""
 
     def place(entry: Entry) -> tuple[float, float]:
         across = entry.energy if listed.parameter is None else entry.parameter
@@ -79,21 +123,14 @@ def family(
         return places[id(entry)]
 
     found = stretches(listed.members, listed.special, lambda entry: entry.verdict, placed)
-    draw_stretches(ax, found, placed, "{}", color=PALETTE[0], lw=1.8)
+    draw_stretches(ax, found, placed, "{}", color=colour, lw=1.8)
     passed = [places[id(entry)] for entry in listed.members]
-    ax.plot(*zip(*passed, strict=True), ".", color=PALETTE[0], ms=4, label="_")
+    ax.plot(*zip(*passed, strict=True), ".", color=colour, ms=4, label="_")
     ax.plot(*passed[0], "o", color=INK, ms=6, zorder=3, label="first")
-    for (kind, marker), colour in zip(MARKS.items(), itertools.cycle(PALETTE[1:]), strict=False):
+    for (kind, marker), other in zip(MARKS.items(), itertools.cycle(others), strict=False):
         there = np.array([places[id(entry)] for entry in listed.special if entry.kind == kind])
         if len(there):
-            ax.plot(*there.T, marker, color=colour, ms=8, mew=2, zorder=4, label=kind, ls="")
-    energy = with_unit("energy", first_scene(listed.members[0].orbit).in_units("J"))
-    ax.set(xlabel=listed.parameter or energy, ylabel=_label(quantity, listed))
-    shown = heading(title, [first_scene(entry.orbit) for entry in listed.members], _WIDTH)
-    ax.set_title(shown, fontsize=10)
-    style(ax)
-    legend_below(figure, legend_entries(ax))
-    return finish(figure, path)
+            ax.plot(*there.T, marker, color=other, ms=8, mew=2, zorder=4, label=kind, ls="")
 
 
 def orbit_stretches(

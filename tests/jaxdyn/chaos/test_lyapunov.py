@@ -183,6 +183,7 @@ def test_a_motion_that_sticks_has_exponents_of_minus_infinity():
 def test_a_spectrum_describes_itself():
     found = lyapunov_exponents(scenes.lorenz(), 200.0)
     assert "exponent 1" in repr(found)
+    assert "1/" not in repr(found)  # without units
     slow = dataclasses.replace(found, exponents=found.exponents * 1e-9, bars=found.bars * 1e-9)
     assert f"exponent 1  {float(slow.exponents[0]):.6g} +-" in repr(slow)
     assert "+-" in repr(found)

@@ -1,11 +1,13 @@
 """No unit matters: exponents and indicators of chaos are the same in all units."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from units import in_units
 
 import jaxdyn
-from jaxdyn import chaos
+from jaxdyn import chaos, scenes
 
 #: Units of the entries, and of time.
 UNITS = [([1e-12, 1e12, 1e-6], 1e-12), ([3e11, 2e-7, 1e12], 1e6)]
@@ -44,3 +46,20 @@ def test_indicators(each, time):
         plain, found = index(SCENE), index(new)
         assert float(found.index) == pytest.approx(float(plain.index), rel=1e-4)
         assert float(found.time) / time == pytest.approx(float(plain.time))
+
+
+def test_indicators_are_printed_in_the_unit_of_time_of_the_scene():
+    moon = chaos.megno(scenes.restricted_three_body_in_space(system="earth-moon"))
+    assert float(moon.time) == pytest.approx(2.75 * 27.851 / (2 * np.pi), rel=1e-4)  # a month
+    assert f"exponent  {float(moon.exponent):.6g} 1/day\n" in repr(moon)
+    assert f"time      {float(moon.time):.6g} day\n" in repr(moon)
+    assert f"mean      {float(moon.mean):.6g}\n" in repr(moon)
+
+
+def test_exponents_are_printed_in_the_unit_of_time_of_the_scene():
+    found = chaos.lyapunov_exponents(scenes.oscillator(c=0.5), 100.0)
+    assert " 1/s\n  exponent 2" in repr(found)
+    assert "  divergence  -0.5 1/s\n" in repr(found)  # -c / m
+    assert repr(found).count(" s, in chunks of ") == 1
+    assert "unit" not in repr(found)
+    assert "1/" not in repr(dataclasses.replace(found, time_unit=""))

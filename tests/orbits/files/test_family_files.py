@@ -1,5 +1,6 @@
 """Families as lists: kept in files to the bit, drawn, and made on the command line."""
 
+import dataclasses
 import inspect
 import json
 import math
@@ -155,6 +156,34 @@ def test_a_picture_shows_stability_and_what_is_special(tmp_path):
     np.testing.assert_array_equal(lines["fold"].get_xdata(), [1.15])
     np.testing.assert_array_equal(lines["period doubling"].get_xdata(), [1.35])
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("length", "period [s]")
+
+
+def test_several_families_are_drawn_together(tmp_path):
+    def shifted(entry):
+        return dataclasses.replace(entry, parameter=entry.parameter + 0.1)
+
+    members, special = (tuple(map(shifted, x)) for x in (LISTED.members, LISTED.special))
+    other = dataclasses.replace(LISTED, members=members, special=special)
+    figure = drawing.family([LISTED, other], tmp_path / "both.png", names=["one", "other"])
+    (ax,) = figure.axes
+    dots = [line for line in ax.lines if line.get_marker() == "."]
+    for line, listed in zip(dots, (LISTED, other), strict=True):
+        np.testing.assert_array_equal(line.get_xdata(), [x.parameter for x in listed.members])
+    named = dict(zip(*_legend(figure), strict=True))
+    assert [named[x].get_color() for x in ("one", "other")] == [x.get_color() for x in dots]
+    assert {"stable", "unstable", "fold", "first"} <= named.keys()
+    with pytest.raises(ValueError, match="names: expected 2, one for each family, got 1"):
+        drawing.family([LISTED, other], names=["one"])
+    energy = dataclasses.replace(other, parameter=None)
+    with pytest.raises(ValueError, match="one parameter, or in energy, got length and energy"):
+        drawing.family([LISTED, energy])
+    with pytest.raises(ValueError, match="listed: expected at least one family"):
+        drawing.family([])
+
+
+def _legend(figure):
+    (legend,) = figure.legends
+    return [text.get_text() for text in legend.get_texts()], legend.get_lines()
 
 
 @pytest.mark.slow
