@@ -136,9 +136,10 @@ def invariant_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray |
     """(k, k) a constant symplectic form that the flow near the start preserves, or None.
 
     A flow preserves the form J if (Df)^T J + J Df = 0 everywhere: linear equations for the entries
-    of an antisymmetric J, whose solutions at some random states are those everywhere. So the form
-    is found from the rate alone, in any coordinates that are linear in canonical ones, such as
-    positions and velocities of the restricted three-body problem in a rotating frame.
+    of an antisymmetric J, whose solutions at some random states, and times in the scene's span, are
+    those everywhere. So the form is found from the rate alone, in any coordinates that are linear in
+    canonical ones, such as positions and velocities of the restricted three-body problem in a
+    rotating frame.
 
     If the sizes `each` (k,) of the entries are given, it is the form of states in these units. Its
     scale is arbitrary.
@@ -147,7 +148,7 @@ def invariant_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray |
     """
     if each is None:
         each = np.full(len(scene.y0), np.abs(np.asarray(scene.y0)).max(initial=0.0) or 1.0)
-    slopes = slopes_nearby(scene, jnp.asarray(each), jnp.ones(()))
+    slopes = slopes_nearby(scene, jnp.asarray(each), scene.t1)
     return None if slopes is None else preserved_form(np.asarray(slopes) * each / each[:, None])
 
 

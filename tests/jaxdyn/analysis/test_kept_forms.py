@@ -97,3 +97,11 @@ def test_the_form_of_canonical_coordinates_changes_by_damping_alone(formulation)
 def test_rates_without_canonical_coordinates_have_no_form_that_changes():
     scene = jaxdyn.ode(restricted, [0.5, 0.8, 0.0, 0.1], 1.0, params=0.01)
     assert np.isnan(form_change(scene, 0.0, scene.y0, np.ones(4)))
+
+
+def test_damping_that_acts_late_in_the_span_leaves_no_form():
+    def rate(t, y):
+        return [y[1], -y[0] - jnp.where(jnp.mod(t, 6.0) > 3.0, 0.1, 0.0) * y[1]]
+
+    assert invariant_form(jaxdyn.ode(rate, [1.0, 0.0], 6.0)) is None
+    assert invariant_form(jaxdyn.ode(rate, [1.0, 0.0], 3.0)) is not None
