@@ -137,8 +137,8 @@ def invariant_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray |
 
     A flow preserves the form J if (Df)^T J + J Df = 0 everywhere: linear equations for the entries
     of an antisymmetric J, whose solutions at some random states, and times in the scene's span, are
-    those everywhere. So the form is found from the rate alone, in any coordinates that are linear in
-    canonical ones, such as positions and velocities of the restricted three-body problem in a
+    those everywhere. So the form is found from the rate alone, in any coordinates that are linear
+    in canonical ones, such as positions and velocities of the restricted three-body problem in a
     rotating frame.
 
     If the sizes `each` (k,) of the entries are given, it is the form of states in these units. Its
