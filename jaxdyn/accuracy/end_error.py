@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._checks import as_float, check_first, check_on_host
+from jaxdyn._doors import renamed
 from jaxdyn.integrate.errors import FINEST, RATIO, gaps
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.simulation import RTOL
@@ -49,6 +50,7 @@ _SEED = 0
 _DOUBLE_DIGITS = 16  # significant digits of a double
 
 
+@renamed(doubt="caveat")
 @dataclasses.dataclass(frozen=True)
 class EndError:
     """The estimated error of the final state of a motion.
@@ -60,15 +62,15 @@ class EndError:
       scale: (k,) the reference of errors: the largest entry of the same unit in the motion, or the
         entry alone without a unit. For a rate it is at least what would change a quantity by its
         scale over the span, for an angle at least 1 rad.
-      doubt: parts of the rate that neither this motion nor the others could detect, and the remedy;
-        or empty.
+      caveat: parts of the rate that neither this motion nor the others could detect, and the
+        remedy; or empty.
     """
 
     y: np.ndarray
     error: np.ndarray
     rounding: np.ndarray
     scale: np.ndarray
-    doubt: str = ""
+    caveat: str = ""
 
     @property
     def digits(self) -> np.ndarray:
@@ -100,8 +102,8 @@ class EndError:
             )
         found = f"{self.least:.1f} digits are right, relative to the size of the motion"
         if self.most - self.least < 1:
-            return f"{found}; no tolerance gives more. {self.doubt}".rstrip()
-        return f"{found}; a smaller rtol gives up to {self.most:.1f}. {self.doubt}".rstrip()
+            return f"{found}; no tolerance gives more. {self.caveat}".rstrip()
+        return f"{found}; a smaller rtol gives up to {self.most:.1f}. {self.caveat}".rstrip()
 
     def written(self, most: int = 12) -> tuple[str, ...]:
         """Each entry with its certain digits, at most `most` significant ones.
@@ -155,8 +157,8 @@ def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
     if np.any(error > _APART * scale):
         more = [_same(motion, again(start, finer * 2.0**n)) for n in range(1, _MORE + 1)]
         error = np.maximum(error, _largest_gap(scene, y, more))
-    doubt = plan_of(scene.field, len(scene.y0)).doubt
-    return EndError(y=y, error=error, rounding=rounding, scale=scale, doubt=doubt)
+    caveat = plan_of(scene.field, len(scene.y0)).caveat
+    return EndError(y=y, error=error, rounding=rounding, scale=scale, caveat=caveat)
 
 
 def _largest_gap(scene: Scene, y: np.ndarray, others: list[np.ndarray]) -> np.ndarray:

@@ -19,7 +19,7 @@ from jaxtyping import Array
 from jaxdyn._checks import check_first, check_on_host
 from jaxdyn.analysis.energy import change as change_of
 from jaxdyn.analysis.energy import energy
-from jaxdyn.analysis.going_on import going_on
+from jaxdyn.analysis.static_friction import with_static_friction
 from jaxdyn.analysis.work_by_effect import power_of
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.spans import of_samples
@@ -185,7 +185,7 @@ def _measure(motion: Trajectory) -> _Measured:
     scene, ts = motion.scene, motion.ts
 
     def at(t, y):
-        both = going_on(scene, _powers, t, y, 2 * ts[-1] - ts[0])
+        both = with_static_friction(scene, _powers, t, y, 2 * ts[-1] - ts[0])
         flow = (jnp.ones_like(t), both(t, y)[0])
         kinds = {}
         for i, effect in enumerate(scene.effects):

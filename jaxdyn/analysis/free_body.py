@@ -25,7 +25,7 @@ from jaxtyping import Array
 from jaxdyn import _checks, _text
 from jaxdyn._checks import check_first
 from jaxdyn._text import brief, table
-from jaxdyn.analysis.going_on import going_on
+from jaxdyn.analysis.static_friction import with_static_friction
 from jaxdyn.formulations.attitude import Attitude
 from jaxdyn.formulations.extended import Extended
 from jaxdyn.joints import Joint, Load, Part
@@ -263,7 +263,7 @@ def _all_forces(field: Field, t: Array, y: Array) -> Array:
 def _found(scene: Scene, t: Array) -> _Found:
     """Points, accelerations and forces at the start of a scene."""
     field, system, y = scene.field, scene.system, jnp.asarray(scene.y0)
-    rate, flat = going_on(scene, _all_forces, t, y, t + jnp.abs(scene.t1))(t, y)
+    rate, flat = with_static_friction(scene, _all_forces, t, y, t + jnp.abs(scene.t1))(t, y)
     shapes, tree = jax.tree.flatten(jax.eval_shape(_forces, field, t, y))
     each = jnp.split(flat, np.cumsum([math.prod(x.shape) for x in shapes])[:-1])
     forces = [x.reshape(like.shape) for x, like in zip(each, shapes, strict=bool(shapes))]

@@ -165,12 +165,12 @@ def _each_beyond(field: Field, t: Array, y: Array, sizes: Array) -> tuple[Array,
     return near, matrices, step > _SAME_RATE * jnp.max(jnp.abs(rates) + jnp.abs(rate)[None], 1)
 
 
-def classify(a, doubt: float | None = None, others=()) -> Linearization:
+def classify(a, error: float | None = None, others=()) -> Linearization:
     """The result of `linearize` for a given matrix (k, k).
 
     Args:
       a: the matrix, in any units of the entries of the state.
-      doubt: the norm of its error besides rounding; if given, all entries should be in one unit.
+      error: the norm of its error besides rounding; if given, all entries should be in one unit.
       others: (n, k, k) Jacobians on other sides of conditions, not finite where unknown; the bars
         are widened to contain their eigenvalues.
     """
@@ -178,7 +178,7 @@ def classify(a, doubt: float | None = None, others=()) -> Linearization:
     a = np.asarray(_checks.array("jacobian", a, (None, None), remedy))
     if a.shape[0] != a.shape[1] or not a.size:
         raise _checks.fail("jacobian", "a square matrix", f"shape {a.shape}")
-    found = rate_eigenvalues(a, doubt)
+    found = rate_eigenvalues(a, error)
     for other in others:
         found = found._replace(bars=_bars_that_contain(found, other))
     return Linearization(

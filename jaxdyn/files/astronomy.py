@@ -136,7 +136,7 @@ def read_bodies(path: str | Path, *, units: Sequence[str] = (), G=None, t1=1.0) 
     The table has the columns x, y, z, vx, vy, vz, and m or GM, in any order; without z and vz the
     bodies move in a plane. Their names are in a column "name", or in the only one of text if they
     differ. Other columns are ignored; small and capital letters are alike. `jaxdyn.read_csv` says
-    what else a file may have.
+    what else a file may have. `scenes.barycentric` brings the centre of mass to rest at the origin.
 
     Args:
       path: path of the file.

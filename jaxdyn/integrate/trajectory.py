@@ -205,7 +205,7 @@ class Trajectory(Record, Motion):
         parts += [_LONG_STEPS_WARNING] if checkable and not np.all(_steps_agree(self)) else []
         one = self.one(*(0 for _ in self.batch_shape)).scene
         parts += filter(None, [_beyond(self, one.system)])
-        parts += filter(None, [plan_of(one.field, len(one.y0)).doubt])
+        parts += filter(None, [plan_of(one.field, len(one.y0)).caveat])
         parts += [self.error.shortfall] if self.error and self.error.shortfall else []
         return " ".join(parts)
 

@@ -105,7 +105,7 @@ class Plan:
         return len(self.jumping)
 
     @property
-    def doubt(self) -> str:
+    def caveat(self) -> str:
         """What a motion may pass over unseen, and the remedy; empty if everything can be read."""
         unread = (
             f"The rate contains what cannot be read ({', '.join(sorted(self.unread))}): a pulse or "

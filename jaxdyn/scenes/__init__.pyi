@@ -46,6 +46,7 @@ from .nbody import EIGHT as EIGHT
 from .nbody import EIGHT_GUESS as EIGHT_GUESS
 from .nbody import EIGHT_GUESS_PERIOD as EIGHT_GUESS_PERIOD
 from .nbody import EIGHT_PERIOD as EIGHT_PERIOD
+from .nbody import barycentric as barycentric
 from .nbody import n_body as n_body
 from .nbody import three_body as three_body
 from .nbody import three_body_circular as three_body_circular

@@ -5,11 +5,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._checks import as_float, floats
+from jaxdyn._checks import as_float, check_first, floats
 from jaxdyn._units import GRAVITATIONAL_CONSTANT, measure
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.scene import Scene, check_units
+from jaxdyn.scene import Scene, check_scene, check_units
 from jaxdyn.scenes.ready_made import ready_made
 
 #: A rough guess of a figure-eight (problem 28), in the order x1 y1 x2 y2 x3 y3 vx1 ... [G = m = 1].
@@ -89,6 +89,33 @@ def n_body(
     bodies = FreePoints(m, d=r.shape[1], names=names)
     gravity = PairGravity(gravitational_constant(units) if G is None else G)
     return Scene(bodies, (gravity,), y0=y0, t1=t1, units=units or None)
+
+
+@check_first
+def barycentric(scene: Scene) -> Scene:
+    """The scene with its centre of mass at rest at the origin.
+
+    The motion of free bodies relative to each other stays as it is, if no other forces act than
+    those between them. Tables of bodies are often about the Sun, which moves.
+
+    Args:
+      scene: free points, such as `n_body` and `jaxdyn.read_bodies` make.
+    Raises:
+      ValueError: the scene is of another kind.
+    Example:
+      >>> from jaxdyn import scenes
+      >>> pair = scenes.n_body([[0, 0], [1, 0]], [[0, 0], [0, 2]], m=[3.0, 1.0])
+      >>> print(scenes.barycentric(pair).y0)
+      [-0.25  0.    0.75  0.    0.   -0.5   0.    1.5 ]
+    """
+    scene = check_scene(scene)
+    system = scene.system
+    if not isinstance(system, FreePoints):
+        got = type(system).__name__
+        raise _checks.fail("scene", "free points", got, "scenes.n_body makes such a scene.")
+    both = scene.y0.reshape(2, -1, system.d)  # positions and velocities
+    mean = jnp.einsum("i,aid->ad", system.m, both) / jnp.sum(system.m)
+    return scene.starting((both - mean[:, None]).ravel())
 
 
 def gravitational_constant(units) -> float:

@@ -170,7 +170,7 @@ def test_a_pulse_in_a_product_with_a_matrix():
 )
 def test_what_orders_numbers_and_is_not_read_is_named(function, name):
     scene = jaxdyn.ode(lambda t, y: [y[1], -function(y)], [1.0, 0.0], 1.0)
-    assert name in plan_of(scene.field, 2).doubt
+    assert name in plan_of(scene.field, 2).caveat
 
 
 def test_smooth_rates_with_whole_numbers_have_bounds():

@@ -174,4 +174,4 @@ ELSEWHERE = {
 def test_a_value_on_a_surface_at_which_the_rate_jumps_is_noticed(name, asks):
     plan = _plan((AT_REST | ELSEWHERE)[name])
     assert plan.distinguishes == asks
-    assert ("friction that is larger at rest" in plan.doubt) == asks
+    assert ("friction that is larger at rest" in plan.caveat) == asks

@@ -155,3 +155,28 @@ def test_units_of_length_mass_and_time_have_names(make):
     for wrong in (("AU", "day"), "day", ("AU", "M sun", "day")):
         said = refusal(lambda wrong=wrong: simulate(make(units=wrong), 1.0))
         assert "units: expected names of the units of length, mass and time" in said
+
+
+def test_bodies_about_their_centre_of_mass():
+    rng = np.random.default_rng(3)
+    r, v, m = rng.normal(size=(4, 3)), rng.normal(size=(4, 3)), np.array([1.0, 2.0, 0.0, 0.5])
+    scene = scenes.n_body(r, v, m=m, t1=0.3)
+    here = scenes.barycentric(scene)
+    points = here.system.points(0.0, here.y0)
+    assert gap(m @ points.r, np.zeros(3)) < 10 * EXACT
+    assert gap(energy.momentum(here, 0.0, here.y0), np.zeros(3)) < 10 * EXACT
+    # Koenig: the energy is less by that of the centre of mass.
+    before, after = (float(energy.energy(s, 0.0, s.y0)) for s in (scene, here))
+    assert gap(before - after, 0.5 * np.sum((m @ v) ** 2) / m.sum()) < 10 * EXACT
+    # Seen from the centre of mass, which moves uniformly, the motion is the same.
+    end, other = (simulate(s, samples=2, rtol=1e-13).ys[-1] for s in (scene, here))
+    r0, v0 = m @ r / m.sum(), m @ v / m.sum()
+    uniform = np.concatenate([np.tile(r0 + 0.3 * v0, 4), np.tile(v0, 4)])
+    assert gap(end - uniform, other) < 10 * SOLVED
+    slope = jax.jit(jax.jacfwd(lambda m: scenes.barycentric(scenes.n_body(r, v, m=m)).y0))(m)
+    assert gap(slope[:3, 0], -(r[0] - r0) / m.sum()) < 10 * EXACT
+
+
+def test_only_free_points_have_a_barycentric_scene():
+    with pytest.raises(ValueError, match="scene: expected free points, got "):
+        scenes.barycentric(scenes.pendulum())

@@ -38,7 +38,7 @@ class _Beside(Extended):
         return jnp.concatenate([field.rate(t, inner), self.values(field, t, inner)])
 
 
-def going_on(
+def with_static_friction(
     scene: Scene, values: Values, t: Array, y: Array, t1: Array
 ) -> Callable[[Array, Array], tuple[Array, Array]]:
     """The function (t, y) -> the rate (k,) and values (m,), of the motion that continues from y.
