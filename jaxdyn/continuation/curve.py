@@ -191,7 +191,7 @@ class ParameterCurve(abc.ABC, Generic[Point]):
     @property
     @abc.abstractmethod
     def place(self) -> np.ndarray:
-        """Indices of the unknowns in which the curve is followed, the two parameters last."""
+        """(n,) indices of the unknowns in which the curve is followed, the two parameters last."""
 
     def line(self, points: Sequence[Point]) -> np.ndarray:
         """(m, 2) parameters on a smooth line through some of its points that follow each other.
@@ -243,7 +243,7 @@ class Curve(ParameterCurve[CurvePoint]):
 
     @property
     def place(self) -> np.ndarray:
-        """Indices of the unknowns in which the curve is followed: state and parameters."""
+        """(k + 2,) indices of state and parameters among the unknowns."""
         return np.arange(len(self.members[0].x))
 
     @property

@@ -102,10 +102,10 @@ class RestrictedThreeBodyInSpace(RestrictedProblem):
     """The restricted three-body problem in space.
 
     Attributes:
-      bodies: names of the two bodies, in pictures.
+      primaries: names of the two bodies, in pictures.
     """
 
-    bodies: tuple[str, str] = eqx.field(static=True, default=("m1", "m2"), kw_only=True)
+    primaries: tuple[str, str] = eqx.field(static=True, default=("m1", "m2"), kw_only=True)
 
     def labels(self):
         return tuple((name, "1") for name in ("x", "y", "z", "vx", "vy", "vz"))
@@ -113,7 +113,7 @@ class RestrictedThreeBodyInSpace(RestrictedProblem):
     def sketch(self, t, y):
         del t, y
         places = (self.units[0] * jnp.stack([x, 0.0 * x, 0.0 * x]) for x in (-self.mu, 1 - self.mu))
-        return tuple(mark(name, at) for name, at in zip(self.bodies, places, strict=True))
+        return tuple(mark(name, at) for name, at in zip(self.primaries, places, strict=True))
 
 
 class Pair(NamedTuple):
@@ -234,10 +234,10 @@ def restricted_three_body_in_space(
     y0 = jnp.stack([x, y, z, vx, vy, vz])
     if not system:
         return Scene(RestrictedThreeBodyInSpace(mu), y0=y0, t1=t1)
-    bodies = ("m1", "m2")
+    primaries = ("m1", "m2")
     if not isinstance(system, Pair):
         name = _checks.choice("system", system, list(SYSTEMS))
-        bodies, system = tuple(name.title().split("-")), SYSTEMS[name]
+        primaries, system = tuple(name.title().split("-")), SYSTEMS[name]
     _check_mass(system)
     if _checks.is_traced(mu) or float(mu) != _MOON:
         raise _checks.fail("mu", "none with system=, which has its own", mu, "Leave it out.")
@@ -246,7 +246,7 @@ def restricted_three_body_in_space(
         remedy = "scene.starting(y0) takes one in km and km/day."
         raise _checks.fail("y0", wanted, _text.brief(np.asarray(y0)), remedy)
     days = system.time / _DAY
-    made = RestrictedThreeBodyInKilometres(system.mu, system.distance, days, bodies=bodies)
+    made = RestrictedThreeBodyInKilometres(system.mu, system.distance, days, primaries=primaries)
     return Scene(made, y0=y0 * made.units, t1=t1 * days)
 
 

@@ -96,7 +96,7 @@ class OrbitCurve(ParameterCurve[OrbitCurvePoint]):
 
     @property
     def place(self) -> np.ndarray:
-        """Indices of the unknowns in which the curve is followed: start, period, parameters."""
+        """(k + 3,) indices of start, period and parameters among the unknowns."""
         return self.equations.place
 
     @property
