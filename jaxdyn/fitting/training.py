@@ -92,7 +92,7 @@ class Training(Ended):
 
 
 def _before_and_after(losses: np.ndarray) -> str:
-    best = int(np.nanargmin(losses))
+    best = int(np.argmin(np.where(np.isnan(losses), np.inf, losses)))
     return f"{losses[0]:.4g} before, {losses[best]:.4g} after {best} steps"
 
 
@@ -241,7 +241,7 @@ def _descend(
         scaled, state, best, least, lost = carry
         value, slope = jax.value_and_grad(loss)(scaled, spans)
         judged = value if held_out is None else loss(scaled, held_out)
-        lost = lost | ~(jnp.isfinite(value) & jnp.isfinite(slope).all())
+        lost = lost | ~(jnp.isfinite(value + judged) & jnp.isfinite(slope).all())
         better = judged < least
         best = jnp.where(better, scaled, best)
         with jax.numpy_dtype_promotion("standard"):  # Optax mixes floats and whole numbers

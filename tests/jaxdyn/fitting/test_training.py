@@ -162,3 +162,15 @@ def test_held_out_data_are_checked_by_their_name():
     short = {"t": np.arange(1.0), "x": np.ones(1)}
     with pytest.raises(ValueError, match="validation: expected a complete row with 1 more after"):
         jaxdyn.train(_decay, 0.5, data, validation=short)
+
+
+def test_held_out_data_without_a_motion_end_the_training():
+    def drained(k):
+        return jaxdyn.ode(lambda t, y, k: [-k * jnp.sqrt(y[0])], [1.0], 1.0, names=["x"], params=k)
+
+    ts = np.arange(4.0)
+    data, other = {"t": ts, "x": (2 - 0.1 * ts) ** 2}, {"t": ts, "x": ts - 5.0}
+    found = jaxdyn.train(drained, 0.1, data, steps=3, validation=other)
+    assert found.outcome == TrainingStatus.NO_MOTION
+    assert np.isnan(found.validation_losses).all()
+    assert "validation loss  nan before" in repr(found)
