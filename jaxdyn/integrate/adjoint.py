@@ -5,14 +5,15 @@ The derivatives of `flow` cost one column for each perturbed number. For one los
     d/dt lambda = -(df/dy)^T lambda,    d/dt mu = -(df/dp)^T lambda,
 
 integrated backwards together with the state, gives the derivatives with respect to the start and
-all numbers at once, at the cost of a few solves whatever their number. The state is not simply
-integrated backwards, which is unstable for damped motion: it restarts from stored nodes. Where
-forces do not depend on velocity, neither do these equations, if they are written for
-[q, lambda_v, M] with dM/dt = mu, so the Nystrom pair integrates them. Only reverse mode and first
-derivatives are available.
+all numbers at once, at the cost of a few solves whatever their number. Backwards in time a damped
+motion departs from the one that it retraces, which would make the gradient wrong; so the motion is
+retraced in pieces so short that each arrives where the motion was (see `_retrace`). Where forces do
+not depend on velocity, neither do these equations, if they are written for [q, lambda_v, M] with
+dM/dt = mu, so the Nystrom pair integrates them. Only reverse mode and first derivatives are
+available.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -21,17 +22,21 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._numerics import any_lane
 from jaxdyn.integrate.flow import SolveResult, flow_and_branches, rate_in
-from jaxdyn.integrate.march import Limits
+from jaxdyn.integrate.march import Limits, look_from_start
 from jaxdyn.integrate.pieces import first_branch
-from jaxdyn.plan import plan_of
 from jaxdyn.plan.branch import Branch, InBranch
 from jaxdyn.scales import Groups, groups_of_names
 from jaxdyn.solvers import Method
+from jaxdyn.solvers.stepper import absolute_error
 
-#: Largest relative difference of a state integrated forwards from the same one found backwards.
-_SAME_STATE = 1e-3
-_PIECES = 4  # pieces of the backward integration, besides those between samples
+#: Largest difference of a state found backwards from the same one found forwards, in tolerances of a
+#: step. Integration errors may grow by this factor within a piece.
+_MISFIT = 10.0
+#: Largest number of times that the way to the next sample is halved, and of steps of a piece: where a
+#: motion explodes backwards in time, there is no use in following it.
+_HALVINGS, _MOST_STEPS = 12, 1000
 
 
 class _Backwards(eqx.Module):
@@ -127,9 +132,14 @@ class _Backwards(eqx.Module):
         return groups_of_names([*q, *by_v, *mu, *v, *by_q, *rates])
 
     def project(self, t: Array, z: Array) -> Array:
-        """The vector z unchanged: scenes with constraints are refused."""
-        del t
-        return z
+        """The vector with its state projected, for example on quaternions of norm 1.
+
+        The adjoint loses what the projection takes from a change of the state. Scenes with
+        constraints, whose projections depend on numbers of the field, are refused.
+        """
+        adjoint, mu = self.unpack(z)
+        y, pull = jax.vjp(lambda y: self.field.project(t, y), self.state(z))
+        return self.pack(y, *pull(adjoint), mu)
 
     def undetermined(self, t: Array, z: Array) -> None:
         """None, since there are no constraints."""
@@ -160,9 +170,117 @@ def _as_vector(numbers: Any, dtype) -> Array:
     return ravel_pytree(numbers)[0].astype(dtype)
 
 
-def _is_same_state(y: Array, z: Array, largest: Array) -> Array:
-    """Whether () two results for one state agree; `largest` is the largest entry of the motion."""
-    return jnp.max(jnp.abs(y - z)) <= _SAME_STATE * largest
+# ---- The motion retraced, in pieces that arrive where it was
+#
+# A piece that begins at a known state and ends at another one shows its error there. If it is too
+# large, or the motion cannot be retraced at all, since it came to slide on a surface, the earlier
+# half is integrated forwards again to find a state in the middle, and so on. States found in this
+# way wait on a stack. Storing the steps of the forward motion instead would need as much memory as
+# the longest motion allowed, and under `vmap` copies of it in each step.
+
+
+class _Retraced(NamedTuple):
+    """How far a motion has been retraced.
+
+    Attributes:
+      t: () the time that has been reached.
+      y: (k,) the state there, from the forward motion.
+      adjoint: (k,) the adjoint there.
+      mu: (p,) the gradient so far.
+      ts: (d,) a stack of earlier times, the first of which is where the motion begins.
+      ys: (d, k) the states there.
+      top: () index of the latest of these; negative at the end.
+      longest: () longest piece to try.
+      lost: () whether the motion could not be retraced.
+    """
+
+    t: Array
+    y: Array
+    adjoint: Array
+    mu: Array
+    ts: Array
+    ys: Array
+    top: Array
+    longest: Array
+    lost: Array
+
+
+class _Tracer(NamedTuple):
+    """What all pieces share.
+
+    Attributes:
+      system: the adjoint equations.
+      limits: see `flow`.
+      method: the method of the forward motion.
+      allowed: (k,) largest difference of states found forwards and backwards.
+    """
+
+    system: _Backwards
+    limits: Limits
+    method: Method
+    allowed: Array
+
+    def retrace(self, carry, node):
+        """The adjoint, gradient and longest piece at an earlier node, from those at a later one."""
+        adjoint, mu, longest = carry
+        late, y, early, by_early, start, inside = node
+        ts = jnp.zeros(_HALVINGS + 1).at[0].set(early)
+        ys = jnp.zeros((_HALVINGS + 1, len(y))).at[0].set(start)
+        none = jnp.asarray(0)
+        lost = ~(jnp.isfinite(y).all() & jnp.isfinite(start).all())
+        run = _Retraced(late, y, adjoint, mu, ts, ys, none, longest, lost)
+        run = jax.lax.while_loop(
+            lambda run: (run.top >= 0) & ~run.lost, lambda run: self._go_on(run, inside), run
+        )
+        adjoint = jnp.where(run.lost, jnp.nan, run.adjoint)
+        mu = jnp.where(run.lost, jnp.nan, run.mu)
+        return (adjoint + by_early, mu, run.longest), None
+
+    def _go_on(self, run: _Retraced, inside: Array) -> _Retraced:
+        """The same after a piece was tried, or the way to the next known state was halved."""
+        waits = (run.top < 0) | run.lost  # for other lanes
+        far = ~waits & (jnp.abs(run.t - run.ts[run.top]) > run.longest)
+        tried = jax.lax.cond(
+            any_lane(~waits & ~far), lambda: self._try_piece(run, ~waits & ~far, inside), lambda: run
+        )
+        return jax.lax.cond(any_lane(far), lambda: self._halve(tried, far), lambda: tried)
+
+    def _try_piece(self, run: _Retraced, chosen: Array, inside: Array) -> _Retraced:
+        """The same one piece earlier, if the piece arrives where the motion was."""
+        to, there = run.ts[run.top], run.ys[run.top]
+        to = jnp.where(chosen, to, run.t)
+        start = self.system.pack(run.y, run.adjoint, run.mu)
+        # A switch at a node is passed by the piece that ends there, except at the start.
+        passes = (run.top > 0) | inside
+        limits = self.limits.with_steps(jnp.minimum(self.limits.max_steps[0], _MOST_STEPS))
+        args = (self.system, start, run.t, to, jnp.zeros(0), limits, passes)
+        end = flow_and_branches(*args, method=self.method.for_tangents)[0].y1
+        adjoint, mu = self.system.unpack(end)
+        same = jnp.all(jnp.abs(self.system.state(end) - there) <= self.allowed)
+        arrived, length = chosen & same, jnp.abs(run.t - to)
+        longest = jnp.where(same, jnp.maximum(run.longest, 2 * length), length / 2)
+        return run._replace(
+            t=jnp.where(arrived, to, run.t),
+            y=jnp.where(arrived, there, run.y),
+            adjoint=jnp.where(arrived, adjoint, run.adjoint),
+            mu=jnp.where(arrived, mu, run.mu),
+            top=jnp.where(arrived, run.top - 1, run.top),
+            longest=jnp.where(chosen, longest, run.longest),
+        )
+
+    def _halve(self, run: _Retraced, chosen: Array) -> _Retraced:
+        """The same with a known state in the middle of the way to the next one."""
+        field, (t, y) = self.system.field, (run.ts[run.top], run.ys[run.top])
+        middle = jnp.where(chosen, 0.5 * (t + run.t), t)
+        args = field, y, t, middle, jnp.zeros(0), self.limits
+        there = flow_and_branches(*args, method=self.method)[0].y1
+        top = jnp.where(chosen, run.top + 1, run.top)
+        return run._replace(
+            ts=jnp.where(chosen, run.ts.at[top].set(middle), run.ts),
+            ys=jnp.where(chosen, run.ys.at[top].set(there), run.ys),
+            top=top,
+            lost=run.lost | (chosen & (top >= _HALVINGS)),
+        )
 
 
 def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResult:
@@ -177,27 +295,22 @@ def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> So
     if not method.adaptive:
         solver = method.name
         raise _checks.fail("adjoint", "a solver with a tolerance", solver, remedy)
-    pieces = jnp.linspace(t0, t1, _PIECES + 1)[1:-1]
-    nodes = jnp.concatenate([ts, pieces])
-    # Nodes are in the order of integration; the second argsort recovers the requested times.
-    order = jnp.argsort(nodes * jnp.where(t1 > t0, 1.0, -1.0))
-    out = _with_nodes((field, y0, t0, t1, nodes[order]), limits, method)
-    return eqx.tree_at(lambda out: out.ys, out, out.ys[jnp.argsort(order)[: len(ts)]])
+    return _with_adjoint((field, y0, t0, t1, ts), limits, method)
 
 
 @eqx.filter_custom_vjp
-def _with_nodes(given, limits, method: Method) -> SolveResult:
+def _with_adjoint(given, limits, method: Method) -> SolveResult:
     return flow_and_branches(*given, limits, method=method)[0]
 
 
-@_with_nodes.def_fwd
+@_with_adjoint.def_fwd
 def _primal(perturbed, given, limits, method):
     del perturbed
     out, branches = flow_and_branches(*given, limits, False, method=method, sampled=True)
     return out, (out.y1, out.ys, branches)
 
 
-@_with_nodes.def_bwd
+@_with_adjoint.def_bwd
 def _gradients(found, slopes, perturbed, given, limits, method):
     """Gradients with respect to all inputs, from those with respect to the states."""
     del perturbed
@@ -208,24 +321,12 @@ def _gradients(found, slopes, perturbed, given, limits, method):
     numbers, _ = eqx.partition(field, eqx.is_inexact_array)
     flat, tree = ravel_pytree(numbers)
     system = _Backwards(field, method.position_only, len(y0))
-    method = method.for_tangents
-    switches = plan_of(field, len(y0)).on_state
-    # A start at rest has no size of its own, so all nodes count.
-    largest = jnp.max(jnp.abs(jnp.concatenate([ys, y0[None], y1[None]])))
-
-    def piece(carry, node):
-        adjoint, mu = carry
-        late, y, early, by_early, there, inside = node
-        start = system.pack(y, adjoint, mu)
-        # A switch at a node is passed by the piece that ends there, except at the start.
-        args = (system, start, late, early, ts[:0], limits, inside)
-        end = flow_and_branches(*args, method=method)[0].y1
-        adjoint, mu = system.unpack(end)
-        if switches:
-            # A motion that came to slide on a surface is not retraced backwards in time.
-            adjoint = jnp.where(_is_same_state(system.state(end), there, largest), adjoint, jnp.nan)
-        return (adjoint + by_early, mu), None
-
+    tolerance = limits.tolerance
+    # An entry may be zero at the start, and at all nodes.
+    least = look_from_start(field, t0, y0, t1, tolerance, method)[0].sizes
+    most = jnp.max(jnp.abs(jnp.concatenate([ys, y0[None], y1[None]])), axis=0)
+    size = jnp.maximum(field.groups.sizes(most), least)
+    allowed = _MISFIT * (tolerance[0] * size + absolute_error(tolerance, size))
     nodes = (
         jnp.concatenate([ts, t1[None]]),
         jnp.concatenate([ys, y1[None]]),
@@ -234,8 +335,9 @@ def _gradients(found, slopes, perturbed, given, limits, method):
         jnp.concatenate([y0[None], ys]),
         jnp.concatenate([t0[None], ts]) != t0,
     )
-    start = by_y1, jnp.zeros(flat.shape, y0.dtype)  # a field without numbers has no float64
-    (by_y0, mu), _ = jax.lax.scan(piece, start, nodes, reverse=True)
+    start = by_y1, jnp.zeros(flat.shape, y0.dtype), jnp.asarray(jnp.inf)
+    retrace = _Tracer(system, limits, method, allowed).retrace
+    (by_y0, mu, _), _ = jax.lax.scan(retrace, start, nodes, reverse=True)
     first = first_branch(field, y0, t0, t1, limits, method=method)
     last, sampled = (None, None) if branches is None else branches
     by_t1 = jnp.sum(by_y1 * rate_in(last, field, t1, y1))

@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.scipy.linalg import expm
 from scipy.integrate import solve_ivp
 
 import jaxdyn
@@ -42,13 +43,54 @@ def test_gradients_are_those_of_the_variational_equations(name):
 
 
 def test_a_motion_that_forgets_its_start_has_a_gradient():
-    # v' = -c v: backwards it would grow by e^20, but for the nodes on the way.
+    # v' = -c v: in one piece backwards it would grow by e^20.
     scene = scenes.cannonball(drag=0.0, speed=3.0) + LinearDrag(10.0)
 
     def end(y0):
         return solve(scene.starting(y0), 2.0, rtol=1e-10, adjoint=True).y1[0]
 
     assert jax.grad(end)(scene.y0)[2] == pytest.approx((1 - np.exp(-20)) / 10, rel=1e-7)
+
+
+@pytest.mark.parametrize("k", [10.0, 60.0, 300.0])
+def test_gradients_where_one_entry_decays_fast_are_those_of_a_matrix_exponential(k):
+    """x follows u at a rate k; backwards in time x departs from it as exp(k t)."""
+
+    def matrix(p):
+        return jnp.array([[-k, k], [-p, 0.0]])
+
+    def end(p):
+        scene = jaxdyn.ode(lambda t, y, p: matrix(p) @ y, [1.0, 0.5], params=p)
+        return solve(scene, 2.0, adjoint=True).y1[1]
+
+    wanted = jax.grad(lambda p: (expm(2.0 * matrix(p)) @ jnp.array([1.0, 0.5]))[1])(0.7)
+    assert float(jax.grad(end)(0.7)) == pytest.approx(float(wanted), rel=1e-9)
+
+
+@pytest.mark.slow
+def test_gradients_of_a_chaotic_motion_are_those_of_the_variational_equations():
+    scene = scenes.lorenz()
+
+    def gradient(adjoint):
+        return jax.grad(lambda y: solve(scene.starting(y), 20.0, adjoint=adjoint).y1[0])(scene.y0)
+
+    np.testing.assert_allclose(gradient(True), gradient(False), rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_what_a_projection_takes_from_a_start_has_no_effect():
+    """The norm of a quaternion is projected out, so the derivative along it is 0."""
+    scene = scenes.free_body()
+
+    def gradient(adjoint):
+        def end(y):
+            return jnp.sum(jnp.cos(jnp.arange(13)) * solve(scene.starting(y), 5.0, adjoint=adjoint).y1)
+
+        return np.asarray(jax.grad(end)(scene.y0))
+
+    found = gradient(True)
+    assert abs(found[3:7] @ scene.y0[3:7]) < 1e-11 * np.abs(found).max()
+    np.testing.assert_allclose(found, gradient(False), rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.slow
