@@ -114,10 +114,12 @@ def train(
     """Parameters, such as weights of a network, that predict each measurement from the last one.
 
     The loss is the mean squared misfit over short spans, each of which begins at a measured state
-    and ends some measurements later; so neither phase nor chaos creates local minima. It is lowered
-    by gradient descent, with derivatives that cost the same for any number of parameters. Unlike
-    `fit`, which is accurate and gives error bars, it suits thousands of parameters that need not be
-    determined one by one; noise at the beginning of a span, however, acts on its prediction.
+    and ends some measurements later; so neither phase nor chaos creates local minima. Misfits are
+    in parts of the standard deviation of their column. The loss is lowered by gradient descent,
+    with derivatives through the steps of the motion (``adjoint="steps"`` of `solve`), the cost of
+    which does not depend on the number of parameters. Unlike `fit`, which is accurate and gives
+    error bars, it suits thousands of parameters that need not be determined one by one; noise at
+    the beginning of a span, however, acts on its prediction.
 
     Args:
       make: function of the parameters that returns the scene; see `fit`.
@@ -155,7 +157,7 @@ def train(
     if optimiser is not None and not callable(getattr(optimiser, "update", None)):
         remedy = "For example optax.adam(0.01)."
         raise _checks.fail("optimiser", "one of Optax", type(optimiser).__name__, remedy)
-    options = {"rtol": rtol, "solver": solver, "max_steps": max_steps, "adjoint": True}
+    options = {"rtol": rtol, "solver": solver, "max_steps": max_steps, "adjoint": "steps"}
     model, theta, scene, table, _ = pose(make, guess, data, columns, observe, options)
     spread = np.nanstd(table.values, axis=0)
     spread = np.where(spread > 0, spread, 1.0)

@@ -1,4 +1,4 @@
-"""Gradients of one loss with respect to many numbers: the adjoint equations, backwards in time.
+"""Gradients of one loss with respect to many numbers, whose cost does not depend on their number.
 
 The derivatives of `flow` cost one column for each perturbed number. For one loss the adjoint
 
@@ -7,12 +7,19 @@ The derivatives of `flow` cost one column for each perturbed number. For one los
 integrated backwards together with the state, gives the derivatives with respect to the start and
 all numbers at once, at the cost of a few solves whatever their number. Backwards in time a damped
 motion departs from the one that it retraces, which would make the gradient wrong; so the motion is
-retraced in pieces so short that each arrives where the motion was (see `_retrace`). Where forces do
+retraced in pieces so short that each arrives where the motion was (see `_Tracer`). Where forces do
 not depend on velocity, neither do these equations, if they are written for [q, lambda_v, M] with
-dM/dt = mu, so the Nystrom pair integrates them. Only reverse mode and first derivatives are
-available.
+dM/dt = mu, so the Nystrom pair integrates them.
+
+For thousands of numbers most of the time is spent on mu, which has an entry for each of them in
+every stage of a step. Then it is faster to differentiate the steps of the motion, one after the
+other from the last to the first, with their times as constants (`StepLoopInReverse`). The result is
+the gradient of the motion as computed: no tolerance controls how well the steps resolve df/dp.
+
+Only reverse mode and first derivatives are available.
 """
 
+import functools
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -24,18 +31,18 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._numerics import any_lane
 from jaxdyn.integrate.flow import SolveResult, flow_and_branches, rate_in
-from jaxdyn.integrate.march import Limits, look_from_start
-from jaxdyn.integrate.pieces import first_branch
+from jaxdyn.integrate.march import Limits, look_from_start, march
+from jaxdyn.integrate.pieces import first_branch, has_pieces
 from jaxdyn.plan.branch import Branch, InBranch
 from jaxdyn.scales import Groups, groups_of_names
 from jaxdyn.solvers import Method
-from jaxdyn.solvers.stepper import absolute_error
+from jaxdyn.solvers.stepper import StepLoopInReverse, absolute_error
 
-#: Largest difference of a state found backwards from the same one found forwards, in tolerances of a
-#: step. Integration errors may grow by this factor within a piece.
+#: Largest difference of a state found backwards from the same one found forwards, in tolerances of
+#: a step. Integration errors may grow by this factor within a piece.
 _MISFIT = 10.0
-#: Largest number of times that the way to the next sample is halved, and of steps of a piece: where a
-#: motion explodes backwards in time, there is no use in following it.
+#: Largest number of times that the way to the next sample is halved, and of steps of a piece: where
+#: a motion explodes backwards in time, there is no use in following it.
 _HALVINGS, _MOST_STEPS = 12, 1000
 
 
@@ -139,7 +146,8 @@ class _Backwards(eqx.Module):
         """
         adjoint, mu = self.unpack(z)
         y, pull = jax.vjp(lambda y: self.field.project(t, y), self.state(z))
-        return self.pack(y, *pull(adjoint), mu)
+        (adjoint,) = pull(adjoint)
+        return self.pack(y, adjoint, mu)
 
     def undetermined(self, t: Array, z: Array) -> None:
         """None, since there are no constraints."""
@@ -241,7 +249,9 @@ class _Tracer(NamedTuple):
         waits = (run.top < 0) | run.lost  # for other lanes
         far = ~waits & (jnp.abs(run.t - run.ts[run.top]) > run.longest)
         tried = jax.lax.cond(
-            any_lane(~waits & ~far), lambda: self._try_piece(run, ~waits & ~far, inside), lambda: run
+            any_lane(~waits & ~far),
+            lambda: self._try_piece(run, ~waits & ~far, inside),
+            lambda: run,
         )
         return jax.lax.cond(any_lane(far), lambda: self._halve(tried, far), lambda: tried)
 
@@ -283,8 +293,48 @@ class _Tracer(NamedTuple):
         )
 
 
-def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResult:
-    """The result of `flow`, with the adjoint equations for its gradient; arguments as for `flow`.
+def _retrace(motion, start, nodes, limits: Limits, method: Method) -> tuple[Array, Array]:
+    """The adjoint and the gradient at the start of a motion, from those at its end."""
+    field, t0, t1 = motion
+    _, late, _, _, early, _ = nodes
+    system, tolerance = _Backwards(field, method.position_only, late.shape[1]), limits.tolerance
+    # An entry may be zero at the start, and at all nodes.
+    least = look_from_start(field, t0, early[0], t1, tolerance, method)[0].sizes
+    most = jnp.max(jnp.abs(jnp.concatenate([early[:1], late])), axis=0)
+    size = jnp.maximum(field.groups.sizes(most), least)
+    allowed = _MISFIT * (tolerance[0] * size + absolute_error(tolerance, size))
+    retrace = _Tracer(system, limits, method, allowed).retrace
+    (adjoint, mu, _), _ = jax.lax.scan(retrace, (*start, jnp.asarray(jnp.inf)), nodes, reverse=True)
+    return adjoint, mu / system.magnitudes
+
+
+# ---- The gradient through the steps of a motion
+
+
+def _pull_back(carry, node, *, field, limits: Limits, method: Method):
+    """The adjoint and the gradient at an earlier node, from those at a later one."""
+    adjoint, mu = carry
+    late, _, early, by_early, start, _ = node
+    numbers, rest = eqx.partition(field, eqx.is_inexact_array)
+
+    def end(numbers, y):
+        args = eqx.combine(numbers, rest), y, early, late, jnp.zeros(0), limits
+        return march(*args, method=method, loop=StepLoopInReverse())[0].y1
+
+    y, pull = jax.vjp(end, numbers, start)
+    by_numbers, by_start = pull(adjoint)
+    lost = ~jnp.isfinite(y).all()
+    mu = jnp.where(lost, jnp.nan, mu + _as_vector(by_numbers, mu.dtype))
+    return (jnp.where(lost, jnp.nan, by_start + by_early), mu), None
+
+
+def adjoint_flow(
+    field, y0, t0, t1, ts, limits: Limits, *, method: Method, through_steps: bool
+) -> SolveResult:
+    """The result of `flow`, with one of these ways to its gradient; arguments as for `flow`.
+
+    With `through_steps` the steps are differentiated, where the rate has no conditions and the
+    method no equations to solve.
 
     Raises:
       ValueError: the scene has constraints, or the solver has a fixed step.
@@ -295,38 +345,32 @@ def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> So
     if not method.adaptive:
         solver = method.name
         raise _checks.fail("adjoint", "a solver with a tolerance", solver, remedy)
-    return _with_adjoint((field, y0, t0, t1, ts), limits, method)
+    through_steps &= method.for_tangents.evaluates and not has_pieces(field, len(y0), limits)
+    return _with_adjoint((field, y0, t0, t1, ts), limits, method, through_steps)
 
 
 @eqx.filter_custom_vjp
-def _with_adjoint(given, limits, method: Method) -> SolveResult:
+def _with_adjoint(given, limits, method: Method, through_steps: bool) -> SolveResult:
+    del through_steps
     return flow_and_branches(*given, limits, method=method)[0]
 
 
 @_with_adjoint.def_fwd
-def _primal(perturbed, given, limits, method):
-    del perturbed
+def _primal(perturbed, given, limits, method, through_steps):
+    del perturbed, through_steps
     out, branches = flow_and_branches(*given, limits, False, method=method, sampled=True)
     return out, (out.y1, out.ys, branches)
 
 
 @_with_adjoint.def_bwd
-def _gradients(found, slopes, perturbed, given, limits, method):
+def _gradients(found, slopes, perturbed, given, limits, method, through_steps):
     """Gradients with respect to all inputs, from those with respect to the states."""
     del perturbed
     field, y0, t0, t1, ts = given
     y1, ys, branches = found
     by_y1 = jnp.zeros_like(y1) if slopes.y1 is None else slopes.y1
     by_ys = jnp.zeros_like(ys) if slopes.ys is None else slopes.ys
-    numbers, _ = eqx.partition(field, eqx.is_inexact_array)
-    flat, tree = ravel_pytree(numbers)
-    system = _Backwards(field, method.position_only, len(y0))
-    tolerance = limits.tolerance
-    # An entry may be zero at the start, and at all nodes.
-    least = look_from_start(field, t0, y0, t1, tolerance, method)[0].sizes
-    most = jnp.max(jnp.abs(jnp.concatenate([ys, y0[None], y1[None]])), axis=0)
-    size = jnp.maximum(field.groups.sizes(most), least)
-    allowed = _MISFIT * (tolerance[0] * size + absolute_error(tolerance, size))
+    flat, tree = ravel_pytree(eqx.filter(field, eqx.is_inexact_array))
     nodes = (
         jnp.concatenate([ts, t1[None]]),
         jnp.concatenate([ys, y1[None]]),
@@ -335,13 +379,17 @@ def _gradients(found, slopes, perturbed, given, limits, method):
         jnp.concatenate([y0[None], ys]),
         jnp.concatenate([t0[None], ts]) != t0,
     )
-    start = by_y1, jnp.zeros(flat.shape, y0.dtype), jnp.asarray(jnp.inf)
-    retrace = _Tracer(system, limits, method, allowed).retrace
-    (by_y0, mu, _), _ = jax.lax.scan(retrace, start, nodes, reverse=True)
+    start = by_y1, jnp.zeros(flat.shape, y0.dtype)  # a field without numbers has no float64
+    if through_steps:
+        options = {"field": field, "limits": limits, "method": method.for_tangents}
+        pull_back = functools.partial(_pull_back, **options)
+        (by_y0, mu), _ = jax.lax.scan(pull_back, start, nodes, reverse=True)
+    else:
+        by_y0, mu = _retrace((field, t0, t1), start, nodes, limits, method)
     first = first_branch(field, y0, t0, t1, limits, method=method)
     last, sampled = (None, None) if branches is None else branches
     by_t1 = jnp.sum(by_y1 * rate_in(last, field, t1, y1))
     rates = jax.vmap(lambda branch, t, y: rate_in(branch, field, t, y))(sampled, ts, ys)
     by_ts = jnp.sum(by_ys * rates, axis=-1)
     by_t0 = -jnp.sum(by_y0 * rate_in(first, field, t0, y0))
-    return tree(mu / system.magnitudes), by_y0, by_t0, by_t1, by_ts
+    return tree(mu), by_y0, by_t0, by_t1, by_ts

@@ -36,6 +36,7 @@ from jaxdyn.solvers.stepper import (
     is_stiff,
     sizes_at_start,
     state_of,
+    without_derivatives,
 )
 from jaxdyn.status import Status
 
@@ -629,6 +630,7 @@ def march(
     method: Method,
     watch: Watch | None = None,
     before: History | None = None,
+    loop: StepLoop | None = None,
 ):
     """States of a smooth motion, the final memory of a watch, its sizes; without derivatives.
 
@@ -642,13 +644,15 @@ def march(
       method: the method.
       watch: an observer of the steps, which may stop the run.
       before: what earlier pieces of the motion have shown, if this is a piece of one.
+      loop: the loop over steps; one in reverse gives derivatives by the field and the start.
     """
     direction = jnp.where(t1 > t0, 1.0, -1.0)  # as in diffrax, also for t1 = t0
     rate = _by_formulas if method.evaluates else _rate
     wide = watch is not None or y0.ndim > 1
     if wide or operations(lambda t, y: rate(t, y, field), t0, y0) > UNROLLED_BELOW:
         method = method.in_loops(1)
-    start, control, h = _control(field, y0, t0, t1, ts, limits, method, watch, before)
+    known, begin = (field, y0) if loop is None else without_derivatives((field, y0))
+    start, control, h = _control(known, begin, t0, t1, ts, limits, method, watch, before)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(rate),
         Stepper(method, limits.tolerance, start.sizes if method.adaptive else None, h, start.time),
@@ -660,7 +664,7 @@ def march(
         stepsize_controller=control,
         saveat=diffrax.SaveAt(t1=True, controller_state=True, solver_state=True),
         max_steps=None,  # counted by the controller: diffrax compiles its limit in
-        adjoint=StepLoop(),
+        adjoint=StepLoop() if loop is None else loop,
         throw=False,  # a throw is a host callback, which keeps programs out of the cache
     )
     # The logarithms are finite for positive tolerances only; one of the last two may be zero.
@@ -675,9 +679,7 @@ def march(
     # Times increase; they are beyond t1 where the step control has ended the run there.
     last = jnp.minimum(direction * ts_end[-1], direction * t1)
     ends = jnp.stack([t0, direction * last]), jnp.stack([y0, ys_end[-1]])
-    undetermined = jax.lax.map(lambda end: field.undetermined(*end), ends)
-    if undetermined is not None:
-        status = jnp.where(undetermined.any(), int(Status.SINGULAR), status)
+    status = _check_constraints(field, ends, status)
     y1 = jnp.where(status == Status.OK, ys_end[-1], jnp.nan)
     seen, steps = control.seen(solution.controller_state), solution.stats["num_accepted_steps"]
     # States within a step that failed do not count.
@@ -723,6 +725,14 @@ def _rate(t, y, field):
 @functools.partial(jax.jit, inline=True)
 def _by_formulas(t, y, field):
     return simplify(field.rate)(t, y)
+
+
+def _check_constraints(field, ends: tuple[Array, Array], status: Array) -> Array:
+    """The status, or SINGULAR if constraints leave an acceleration undetermined at an end."""
+    undetermined = jax.lax.map(lambda end: field.undetermined(*end), ends)
+    if undetermined is None:
+        return status
+    return jnp.where(undetermined.any(), int(Status.SINGULAR), status)
 
 
 def _status(result, given: tuple[Array, ...], limited: Array) -> Array:

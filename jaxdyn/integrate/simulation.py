@@ -6,7 +6,7 @@ scene, compiles once for each kind of scene (new numbers never recompile) and re
 """
 
 import functools
-from typing import Any
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -175,7 +175,7 @@ def solve(
     max_step=None,
     breaks=(),
     fixed: bool = False,
-    adjoint: bool = False,
+    adjoint: bool | Literal["steps"] = False,
     noise: Noise | None = None,
 ) -> SolveResult:
     """The motion as `simulate` finds it, without its checks and exceptions: for other programs.
@@ -200,7 +200,9 @@ def solve(
         new ones recompile, and there are no derivatives with respect to them.
       adjoint: derivatives by the adjoint equations, backwards in time. One loss costs a few solves,
         whether by one number or by thousands. Reverse mode and first derivatives only. NaN for
-        stiff motions, see below.
+        stiff motions, see below. With "steps" the steps of the motion are differentiated instead
+        (discretise, then optimise), where the rate has no conditions: faster for many numbers, also
+        for stiff motions, but no tolerance controls the error of the gradient.
       noise: random perturbation of each step, to measure the effect of rounding; see
         `solvers.perturbed`.
     Returns:
@@ -221,7 +223,8 @@ def solve(
     run_limits = limits(options, dt)
     method = check_method(scene, solver, dt, rtol=rtol)
     _checks.flag("fixed", fixed)
-    _checks.flag("adjoint", adjoint)
+    if not (isinstance(adjoint, bool) or adjoint == "steps"):
+        raise _checks.fail("adjoint", 'True, False or "steps"', repr(adjoint))
     extras = {"default": solver is None, "fixed": fixed, "adjoint": adjoint, "noise": noise}
     times = {"t0": (t0, ()), "t1": (t1, ()), "ts": (ts, (None,))}
     # If ts were a matrix, its first column would be taken silently.
@@ -282,7 +285,7 @@ def _solve(
     *,
     default: bool,
     fixed: bool = False,
-    adjoint: bool = False,
+    adjoint: bool | Literal["steps"] = False,
     noise: Noise | None = None,
     passes: bool = True,
 ) -> tuple[SolveResult, bool]:
@@ -305,7 +308,8 @@ def _solve(
         # it, and traces recompile anyway.
         ts = np.append(ts, np.full(padding(n, y0.size), np.nan))
     traced_flow = functools.partial(flow, passes=passes)
-    march = _reverse_flow if adjoint else traced_flow if traced else _compiled_flow
+    reverse_flow = functools.partial(_reverse_flow, through_steps=adjoint == "steps")
+    march = reverse_flow if adjoint else traced_flow if traced else _compiled_flow
     run = functools.partial(march, field, y0, t0, t1, ts)
     out, switched = run_or_switch(run, run_limits, method, default=default and not traced)
     if not switched and len(ts) == n:
@@ -324,13 +328,13 @@ def _compiled_flow(*args, method: Method) -> SolveResult:
     return flow(*args, method=method)
 
 
-def _reverse_flow(*args, method: Method) -> SolveResult:
+def _reverse_flow(*args, method: Method, through_steps: bool) -> SolveResult:
     """The result of `_compiled_adjoint_flow`; raises ValueError in forward mode.
 
     JAX finds out that it is forward mode when it meets the tangents, and names `jax.custom_vjp`.
     """
     try:
-        return _compiled_adjoint_flow(*args, method=method)
+        return _compiled_adjoint_flow(*args, method=method, through_steps=through_steps)
     except (TypeError, NotImplementedError) as error:
         if not any(name in str(error) for name in ("custom_vjp", "custom_lin")):
             raise
@@ -338,6 +342,6 @@ def _reverse_flow(*args, method: Method) -> SolveResult:
         raise _checks.fail("adjoint", wanted, got, "Leave adjoint=True out.") from error
 
 
-@functools.partial(jax.jit, static_argnames="method")
-def _compiled_adjoint_flow(*args, method: Method) -> SolveResult:
-    return adjoint_flow(*args, method=method)
+@functools.partial(jax.jit, static_argnames=("method", "through_steps"))
+def _compiled_adjoint_flow(*args, method: Method, through_steps: bool) -> SolveResult:
+    return adjoint_flow(*args, method=method, through_steps=through_steps)

@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import diffrax
@@ -10,6 +10,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox.internal import while_loop
 from jax import lax
 from jaxtyping import Array, PyTree
 
@@ -36,6 +37,10 @@ from jaxdyn.solvers.perturbed import perturbed_start
 # numbers before the end, one after the other. These took half of the time until a first result
 # (Lorenz: 0.35 s of processor time against 0.75 s to compile, and 0.1 s less to trace), and none of
 # them is used here.
+
+
+#: Number of states that are kept for derivatives: 5000 steps are computed twice more.
+_CHECKPOINTS = 100
 
 
 class _Run(NamedTuple):
@@ -70,10 +75,12 @@ class StepLoop(diffrax.AbstractAdjoint):
         def going(run: _Run) -> Array:
             return (run.t < t1) & diffrax.is_successful(run.result)
 
-        def step(run: _Run) -> _Run:
-            y1, error, _, solver_state, solved = solver.step(
-                terms, run.t, run.tnext, run.y, args, run.solver_state, False
-            )
+        def advance(run: _Run, args: Any) -> tuple:
+            times = run.t, run.tnext
+            return solver.step(terms, *times, run.y, args, run.solver_state, False)
+
+        def step(run: _Run, args: Any) -> _Run:
+            y1, error, _, solver_state, solved = advance(run, args)
             keep, t, tnext, _, controller_state, controlled = stepsize_controller.adapt_step_size(
                 run.t, run.tnext, run.y, y1, args, error, order, run.controller_state
             )
@@ -94,7 +101,7 @@ class StepLoop(diffrax.AbstractAdjoint):
         start, none = init_state, jnp.asarray(0)  # weak, as in diffrax
         states = start.solver_state, start.controller_state
         begin = _Run(start.tprev, start.tnext, start.y, *states, start.result, none)
-        run = jax.lax.while_loop(going, step, begin)
+        run = self.repeat(begin, args, going, step, advance)
         final = dataclasses.replace(
             start,
             y=run.y,
@@ -107,6 +114,46 @@ class StepLoop(diffrax.AbstractAdjoint):
             save_state=dataclasses.replace(start.save_state, ts=run.t[None], ys=run.y[None]),
         )
         return final, {}
+
+    def repeat(self, run: _Run, args: Any, going: Callable, step: Callable, advance: Callable):
+        """The run after its last step; `advance` is what a step does before its end is judged."""
+        del advance
+        return lax.while_loop(going, lambda run: step(run, args), run)
+
+
+class StepLoopInReverse(StepLoop):
+    """The same steps, differentiable in reverse mode by the state and the numbers of the field.
+
+    The times of steps are constants. Some states are kept, from which others are computed again
+    (online checkpointing: Stumm and Walther, 2010, SIAM J. Sci. Comput. 32, 836).
+    """
+
+    def repeat(self, run: _Run, args: Any, going: Callable, step: Callable, advance: Callable):
+        """The run after its last step."""
+        fixed, begin = without_derivatives(args), without_derivatives(run.t)
+
+        def step_kept(run: _Run) -> _Run:
+            # Steps that are too long are left out, since what they compute need not be finite, and
+            # zero times infinity would be their part of the gradient. So would be that of a step
+            # from the infinite time of a run that has ended, while others in a batch go on.
+            start = without_derivatives(run)
+            before, after = lax.while_loop(
+                lambda pair: going(pair[1]) & (pair[1].accepted == start.accepted),
+                lambda pair: (pair[1], step(pair[1], fixed)),
+                (start, start),
+            )
+            kept = after.accepted > before.accepted
+            t, tnext = jnp.where(kept, before.t, begin), jnp.where(kept, before.tnext, begin)
+            y = advance(before._replace(y=run.y, t=t, tnext=tnext), args)[0]
+            return after._replace(y=jnp.where(kept, y, run.y))
+
+        kind: Any = {"kind": "checkpointed", "checkpoints": _CHECKPOINTS, "max_steps": None}
+        return while_loop(going, step_kept, run, **kind)
+
+
+def without_derivatives(tree: Any) -> Any:
+    """The tree with its arrays as constants."""
+    return jax.tree.map(lambda x: lax.stop_gradient(x) if eqx.is_array(x) else x, tree)
 
 
 # ---- A method as a diffrax solver, with compensated summation, projection and stiffness detection

@@ -181,7 +181,7 @@ def test_flags_are_true_or_false():
     ):
         with pytest.raises(ValueError, match=r"^fixed: expected True or False, got 'no'"):
             use()
-    with pytest.raises(ValueError, match=r"^adjoint: expected True or False, got 1"):
+    with pytest.raises(ValueError, match=r"^adjoint: expected True, False or .steps., got 1"):
         solve(scene, 1.0, adjoint=1)
 
 

@@ -1,4 +1,4 @@
-"""Gradients by the adjoint equations: those of the variational equations, and what is refused."""
+"""Gradients by the adjoint equations, or through steps, and what is refused."""
 
 import equinox as eqx
 import jax
@@ -52,8 +52,48 @@ def test_a_motion_that_forgets_its_start_has_a_gradient():
     assert jax.grad(end)(scene.y0)[2] == pytest.approx((1 - np.exp(-20)) / 10, rel=1e-7)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("t1", [3.0, -3.0])
+@pytest.mark.parametrize("make", [scenes.pendulum, scenes.three_body, scenes.shaken_pendulum])
+def test_gradients_through_steps_are_those_of_the_variational_equations(make, t1):
+    """Some of these motions have more steps than states that are kept."""
+    numbers, rest = eqx.partition(make(), eqx.is_inexact_array)
+    ts = jnp.array([0.0, 0.5, 0.5, 1.0]) * t1
+    found, wanted = (
+        jax.grad(loss, argnums=(0, 1, 2))(numbers, t1, ts, rest, adjoint)
+        for adjoint in ("steps", False)
+    )
+    for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_gradients_through_steps_in_a_batch():
+    """A run that has ended waits for others; steps that are too long lead where a root has none."""
+
+    def end(y0, adjoint):
+        scene = jaxdyn.ode(lambda t, y: [y[1], jnp.sqrt(1.0 - y[0] ** 2) - 2.0 * y[0]], y0)
+        return solve(scene, 3.0 * y0[1], adjoint=adjoint).y1[0]
+
+    y0s = jnp.array([[0.0, 0.1], [0.1, 0.5], [0.2, 0.6]])
+    found, wanted = (jax.vmap(jax.grad(end), (0, None))(y0s, how) for how in ("steps", False))
+    np.testing.assert_allclose(found, wanted, rtol=1e-8)
+
+
+@pytest.mark.slow
+def test_gradients_through_steps_of_a_rate_with_conditions_are_those_of_the_adjoint():
+    def end(y0, adjoint):
+        scene = jaxdyn.ode(lambda t, y: [y[1], -jnp.sign(y[0]) - 0.1 * y[1]], y0)
+        return solve(scene, 3.0, adjoint=adjoint).y1[0]
+
+    y0 = jnp.array([0.5, 0.2])
+    found, same = (jax.grad(end)(y0, adjoint) for adjoint in ("steps", True))
+    np.testing.assert_array_equal(found, same)
+
+
+@pytest.mark.parametrize("adjoint", [True, "steps"])
 @pytest.mark.parametrize("k", [10.0, 60.0, 300.0])
-def test_gradients_where_one_entry_decays_fast_are_those_of_a_matrix_exponential(k):
+def test_gradients_where_one_entry_decays_fast_are_those_of_a_matrix_exponential(k, adjoint):
     """x follows u at a rate k; backwards in time x departs from it as exp(k t)."""
 
     def matrix(p):
@@ -61,7 +101,7 @@ def test_gradients_where_one_entry_decays_fast_are_those_of_a_matrix_exponential
 
     def end(p):
         scene = jaxdyn.ode(lambda t, y, p: matrix(p) @ y, [1.0, 0.5], params=p)
-        return solve(scene, 2.0, adjoint=True).y1[1]
+        return solve(scene, 2.0, adjoint=adjoint).y1[1]
 
     wanted = jax.grad(lambda p: (expm(2.0 * matrix(p)) @ jnp.array([1.0, 0.5]))[1])(0.7)
     assert float(jax.grad(end)(0.7)) == pytest.approx(float(wanted), rel=1e-9)
@@ -78,17 +118,20 @@ def test_gradients_of_a_chaotic_motion_are_those_of_the_variational_equations():
 
 
 @pytest.mark.slow
-def test_what_a_projection_takes_from_a_start_has_no_effect():
+@pytest.mark.parametrize("adjoint", [True, "steps"])
+def test_what_a_projection_takes_from_a_start_has_no_effect(adjoint):
     """The norm of a quaternion is projected out, so the derivative along it is 0."""
     scene = scenes.free_body()
 
     def gradient(adjoint):
         def end(y):
-            return jnp.sum(jnp.cos(jnp.arange(13)) * solve(scene.starting(y), 5.0, adjoint=adjoint).y1)
+            return jnp.sum(
+                jnp.cos(jnp.arange(13)) * solve(scene.starting(y), 5.0, adjoint=adjoint).y1
+            )
 
         return np.asarray(jax.grad(end)(scene.y0))
 
-    found = gradient(True)
+    found = gradient(adjoint)
     assert abs(found[3:7] @ scene.y0[3:7]) < 1e-11 * np.abs(found).max()
     np.testing.assert_allclose(found, gradient(False), rtol=1e-9, atol=1e-9)
 
@@ -109,11 +152,12 @@ def test_many_losses_at_once_and_fixed_numbers():
 
 
 @pytest.mark.slow
-def test_a_run_that_fails_has_no_gradient():
+@pytest.mark.parametrize("adjoint", [True, "steps"])
+def test_a_run_that_fails_has_no_gradient(adjoint):
     scene = scenes.pendulum(angle=1.0)
 
     def end(y0):
-        return solve(scene.starting(y0), 100.0, max_steps=3, adjoint=True).y1[0]
+        return solve(scene.starting(y0), 100.0, max_steps=3, adjoint=adjoint).y1[0]
 
     assert np.isnan(jax.grad(end)(scene.y0)).all()
 
