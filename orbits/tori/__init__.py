@@ -2,7 +2,7 @@
 
 `torus` begins a torus with the Floquet vector of an orbit and solves it with as many modes as it
 needs, by the equations of `invariance` for an invariant circle, which is a Fourier series of
-`circle`; `continuation` poses families to the branch engine.
+`circle`; `continuation` poses families to the branch engine; `transverse` has the growth across.
 
 May import: `families`.
 

@@ -279,3 +279,9 @@ def _mean_energy(scene: Scene, points):
         return jnp.mean(jax.vmap(lambda y: energy(scene, 0.0, y))(points))
 
     return jax.value_and_grad(mean)(points)
+
+
+@jax.jit
+def rates(scene: Scene, points):
+    """(n, k) rates at states (n, k) at time 0."""
+    return jax.vmap(lambda y: scene.rate(0.0, y))(points)

@@ -1,10 +1,10 @@
 """A torus of two frequencies about a periodic orbit, from the orbit's Floquet vector."""
 
 import dataclasses
+import functools
 import math
 from typing import NamedTuple
 
-import jax
 import numpy as np
 
 from jaxdyn import Scene, _checks, _text
@@ -18,7 +18,17 @@ from orbits.families.family import Kind, Member, smooth_orbit
 from orbits.orbit import Orbit, SearchError
 from orbits.shooting.segment import Make, scene_of
 from orbits.tori import circle
-from orbits.tori.invariance import Conditions, Flow, Metric, Unknowns, error, mean_energy, solve
+from orbits.tori.invariance import (
+    Conditions,
+    Flow,
+    Metric,
+    Unknowns,
+    error,
+    mean_energy,
+    rates,
+    solve,
+)
+from orbits.tori.transverse import moduli
 
 # ---- The record of a torus: its circle, its rotation, and the outcome of the search for it
 
@@ -152,6 +162,18 @@ class Torus:
     def flow(self) -> Flow:
         """The motions that are on it."""
         return Flow(self.scene, self.make, self.rtol)
+
+    @functools.cached_property
+    def moduli(self) -> np.ndarray:
+        """(k - d,) moduli of the multipliers across the torus, over the time T, largest first.
+
+        Below 1 motions beside the torus approach it. The d directions along it, 1 with a drive and
+        2 without, are left out. They are NaN if this is not a torus.
+        """
+        if not self.ok:
+            return np.full(self.points.shape[1] - (1 if self.held == "drive" else 2), np.nan)
+        metric = Metric.of(self.scene, self.unknowns, self.unit)
+        return moduli(self.flow, self.unknowns, metric)
 
     def at(self, theta) -> np.ndarray:
         """(s, k) states of the circle at angles theta (s,); in a driven scene, at time 0."""
@@ -299,7 +321,7 @@ def _conditions(
     if like.held != "drive":
         # The circle is not moved along the flow.
         reference = near.points
-        flow = np.asarray(_rates(like.scene, reference)) / metric.each
+        flow = np.asarray(rates(like.scene, reference)) / metric.each
         flow = flow / (n * max(np.abs(flow).max(), np.finfo(float).tiny)) / metric.each
         rows.append((Unknowns(flow).pack(), float(flow.ravel() @ reference.ravel())))
     if like.make is None:
@@ -314,11 +336,6 @@ def _conditions(
         energy=like.energy if like.held == "energy" else None,
         in_step=like.held == "drive" and like.make is not None,
     )
-
-
-@jax.jit
-def _rates(scene: Scene, points):
-    return jax.vmap(lambda y: scene.rate(0.0, y))(points)
 
 
 # ---- The search for a torus about an orbit

@@ -1,5 +1,6 @@
 """Tori of scenes with damping: closed forms, long motions by SciPy, resonances, families, files."""
 
+import dataclasses
 import functools
 import math
 
@@ -89,6 +90,10 @@ def test_the_parameter_of_a_driven_circle_is_found_with_it():
     assert found.ok
     assert found.parameter == pytest.approx(0.045, rel=0.01)
     assert_exact(found, *own_coordinates(found), found.parameter)
+    # Radii have the rate (mu - r^2) r, whose slope on the circle is -2 mu.
+    assert gap(found.moduli, np.exp([-2 * found.parameter * found.time])) < 1e-10
+    lost = dataclasses.replace(found, outcome=TorusOutcome.NO_CONVERGENCE)
+    assert np.isnan(lost.moduli).all()
 
 
 @pytest.mark.slow
@@ -160,6 +165,8 @@ def test_a_torus_about_a_cycle_has_the_closed_form_of_its_parameter_and_rotation
         x, v, p, q = jax.vmap(straight)(jnp.asarray(member.points)).T
         assert_exact(member, x, v, member.parameter)
         assert np.abs(p * p + q * q - 1).max() < 1e-10
+        slopes = np.array([2 * member.parameter, 2.0])
+        assert gap(member.moduli, np.exp(-slopes * member.time)) < 1e-10
 
 
 # ---- A van der Pol oscillator that is driven so strongly that its own vibration just begins
@@ -175,25 +182,34 @@ def at_frequency(w):
     return jaxdyn.ode(driven, [0.0, 0.0], 2 * math.pi / 2.5, params=[FORCE, w])
 
 
-def strobed(w, start, returns):
-    """(n + 1, 2) stroboscopic points of a motion, by SciPy."""
+def sampled(w, start, returns, each):
+    """(returns, each, 2) states of a motion at evenly spaced times, by SciPy."""
 
     def rate(t, y):
         x, v = y
         return [v, 0.4 * (1 - x * x) * v - x + FORCE * math.cos(w * t)]
 
-    ts = 2 * math.pi / w * np.arange(returns + 1)
+    ts = 2 * math.pi / w / each * np.arange(returns * each)
     run = solve_ivp(rate, (0.0, ts[-1]), start, method="DOP853", t_eval=ts, rtol=3e-14, atol=1e-14)
-    return run.y.T
+    return run.y.T.reshape(returns, each, 2)
+
+
+def strobed(w, start, returns):
+    """(returns + 1, 2) stroboscopic points of a motion, by SciPy."""
+    return sampled(w, start, returns + 1, 1)[:, 0]
+
+
+def average(values):
+    """The weighted Birkhoff mean of a sequence."""
+    s = (np.arange(len(values)) + 0.5) / len(values)
+    weights = np.exp(-1 / (s * (1 - s)))
+    return float(weights @ values / weights.sum())
 
 
 def rotation_number(points, centre):
-    """Mean angle between successive points about a centre [turns], by a weighted Birkhoff mean."""
+    """Mean angle between successive points about a centre [turns]."""
     x, y = (points - centre).T
-    steps = np.diff(np.unwrap(np.arctan2(y, x))) / (2 * math.pi)
-    s = (np.arange(len(steps)) + 0.5) / len(steps)
-    weights = np.exp(-1 / (s * (1 - s)))
-    return float(weights @ steps / weights.sum())
+    return average(np.diff(np.unwrap(np.arctan2(y, x)))) / (2 * math.pi)
 
 
 @functools.cache
@@ -219,12 +235,16 @@ def test_a_torus_of_a_driven_scene_is_that_of_motions_by_scipy():
 @pytest.mark.slow
 def test_the_rotation_of_a_large_torus_is_that_of_a_long_motion():
     found = orbits.torus(onset(), 0.8, parameter=2.65)
-    motion = strobed(2.65, found.points[0], 3000)
+    fine = sampled(2.65, found.points[0], 3001, 16)
+    motion = fine[:, 0]
     # The motion returns to the torus by itself, with an error of its phase alone.
     assert gap(motion, found.at(found.rotation * np.arange(3001))) < 1e-9
     own = rotation_number(motion, found.points.mean(axis=0)) % 1.0
     turn = found.rotation / (2 * math.pi) % 1.0
     assert min(abs(own - turn), abs(1 - own - turn)) < 1e-11
+    # The modulus is that of areas, by the mean divergence of the rate.
+    mean = average((0.4 * (1 - fine[..., 0] ** 2)).mean(axis=1))
+    assert gap(found.moduli, np.exp([found.time * mean])) < 1e-9
     # It is approached by motions that begin beside it.
     beside = strobed(2.65, found.points[0] + 0.1, 200)[-1]
     angles = 2 * np.pi * np.arange(20000) / 20000
