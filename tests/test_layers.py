@@ -59,7 +59,7 @@ BELOW = {
     "orbits/discovery": ("orbits/analysis",),
     "orbits/hybrid": ("orbits/shooting",),
     "orbits/targets": ("orbits/families",),
-    "orbits/tori": ("orbits/analysis",),
+    "orbits/tori": ("orbits/families",),
     "orbits/files": ("orbits/families", "orbits/proof"),
     "orbits/drawing": (
         "orbits/discovery",

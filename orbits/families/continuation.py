@@ -107,7 +107,8 @@ _PASSED = "a bound of a leg, which the chains pass"
 _UNBOUNDED = "a motion so large that its drive is rounding beside it"
 _NOT_SIMPLE = (
     "The closing equations leave one direction only here: this is not a simple branch point. "
-    "At a torus point give times=q, where its multiplier is exp(2 pi i p / q)."
+    "At a torus point give times=q, where its multiplier is exp(2 pi i p / q); orbits.torus finds "
+    "the tori that begin there."
 )
 _NOT_SYMMETRIC = (
     "The closing equations leave one direction only here: orbits on the other branch lack the "

@@ -1,9 +1,9 @@
-"""Families of tori about an orbit: continuation in the amplitude by pseudo-arclength.
+"""Families of tori: continuation in the amplitude, with a parameter or not, by pseudo-arclength.
 
 This is a problem of the branch engine: each step predicts along the secant of the last two circles
 and solves the invariance equation together with a condition that keeps the component along the
-secant. So the rotation may pass an extremum, and the amplitude a fold. Lengths are in the units of
-the first torus (`Metric`).
+secant. So the rotation may pass an extremum, and the amplitude or the parameter a fold. Lengths are
+in the units of the first torus (`Metric`).
 """
 
 import collections
@@ -16,9 +16,20 @@ import numpy as np
 
 from jaxdyn import _checks, _text
 from jaxdyn._checks import check_first
-from jaxdyn.continuation.branch import BranchProblem, Chart, Correction, Place, follow
+from jaxdyn.continuation.branch import (
+    ANYWHERE,
+    Bounded,
+    BranchProblem,
+    Chart,
+    Correction,
+    Place,
+    check_bounds,
+    follow,
+    inside,
+)
 from jaxdyn.continuation.checkpoint import OTHER, Codec, Log
 from jaxdyn.files.codec import decode_fields, encode
+from orbits.shooting.segment import scene_of
 from orbits.tori import circle
 from orbits.tori.invariance import Metric, Unknowns
 from orbits.tori.torus import GOAL, MOST_MODES, AcrossTangent, Torus, refine
@@ -26,7 +37,14 @@ from orbits.tori.torus import GOAL, MOST_MODES, AcrossTangent, Torus, refine
 _ASTRAY = 0.5  # a larger correction, as a share of the step, leads to a torus of another family
 #: What the file of a continuation calls a family of tori.
 TORI = "tori"
-_SAME = ("scene", "outcome", "held", "rtol")  # fields that are equal for the tori of a family
+_SAME = (
+    "scene",
+    "outcome",
+    "held",
+    "rtol",
+    "make",
+    "unit",
+)  # fields that are equal for the tori of a family
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,10 +63,11 @@ class TorusFamily:
     def __repr__(self) -> str:
         held = collections.Counter(t.held for t in self.members)
         rows = [
+            ("parameter", _text.extent(self.parameters) if self.members[0].make else ""),
             ("amplitude", _text.extent(self.amplitudes)),
             ("rotation", _text.extent(self.rotations, unit="rad")),
             ("time", _text.extent(self.times)),
-            ("held", ", ".join(held)),
+            ("held", ", ".join(filter(None, held))),
             ("end", self.end),
         ]
         what = _text.number_of(len(self.members), "torus", "tori")
@@ -60,6 +79,11 @@ class TorusFamily:
     def amplitudes(self) -> np.ndarray:
         """(n,) amplitudes of the members."""
         return np.array([torus.amplitude for torus in self.members])
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """(n,) values of the parameter of the members; NaN without one."""
+        return np.array([torus.parameter for torus in self.members])
 
     @property
     def rotations(self) -> np.ndarray:
@@ -78,17 +102,21 @@ def continue_tori(
     *,
     members: int = 10,
     step: float | None = None,
+    within: tuple[float, float] = ANYWHERE,
     goal: float = GOAL,
     max_modes: int = MOST_MODES,
     path: str | Path | Log | None = None,
 ) -> TorusFamily:
     """The family of tori through a torus, in the direction of growing amplitude.
 
+    The tori of a torus point go on along the parameter of its family.
+
     Args:
       torus: what `orbits.torus` returned.
       members: largest number of tori, the first included.
       step: first and largest step of the amplitude, in its units; half of the amplitude by default.
         A negative step follows the family towards the orbit.
+      within: bounds on the parameter; a family that leaves them ends with the torus on the bound.
       goal: largest error of invariance, in the sizes of the entries.
       max_modes: largest number of Fourier modes.
       path: file (.jsonl) to which each torus is written as it is found; the same call resumes from
@@ -96,9 +124,10 @@ def continue_tori(
     Returns:
       The tori found, and why there are no more.
     Raises:
-      ValueError: `torus` was not found, `members` is less than 2 or `step` is 0.
+      ValueError: `torus` was not found, `members` is less than 2, `step` is 0, or `within` are not
+        bounds around the parameter of the torus.
     Limits: host only. Steps jump over the gaps at resonances of high order, and the family ends at
-      a wide gap.
+      a wide gap, as where motions lock to a periodic orbit (`TorusOutcome.RESONANT`).
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes
@@ -114,13 +143,17 @@ def continue_tori(
     step = 0.5 * torus.amplitude if step is None else float(_checks.array("step", step, ()))
     if step == 0:
         raise _checks.fail("step", "a number other than 0", step)
-    problem = _Problem(torus, goal, max_modes)
+    check_bounds("within", within)
+    if within != ANYWHERE and not inside(torus.parameter, within):
+        wanted = f"bounds around the parameter of the torus, {torus.parameter:.6g}"
+        raise _checks.fail("within", wanted, tuple(within), "Only tori of a torus point have one.")
+    problem = _Problem(torus, within, goal, max_modes)
     metric = problem.metric
     # The length of the step in units is that of the change of this torus's harmonic.
     length = abs(step) * metric.norm(circle.harmonic(torus.points)) / torus.amplitude
     # The first tangent is that of circles that grow, or shrink, about their mean.
     out = np.sign(step) * (torus.points - torus.points.mean(axis=0))
-    first = _Place(torus, _unit(Unknowns(out, 0.0, 0.0), metric), guessed=True)
+    first = _Place(torus, _unit(Unknowns(out), metric), guessed=True)
     found = follow(problem, first, length, members, lambda place: None, path)
     return TorusFamily(tuple(place.torus for place in found.members), found.end)
 
@@ -145,13 +178,16 @@ class _Chart(Chart[_Place]):
 
     turn = -math.inf  # no limit: a secant turns only as far as the corrector moves
 
-    def __init__(self, problem: "_Problem", guessed: bool):
+    def __init__(self, problem: "_Problem", member: _Place):
         self.problem, self.metric = problem, problem.metric
-        self.reach = math.inf if guessed else _ASTRAY
+        self.reach = math.inf if member.guessed else _ASTRAY
+        self.n = len(member.torus.points)
 
     def place(self, member: _Place) -> Place:
-        torus, tangent, _ = member
-        return Place(self.metric.coordinates(torus.unknowns), self.metric.coordinates(tangent))
+        return Place(*(self._coordinates(x) for x in (member.torus.unknowns, member.tangent)))
+
+    def _coordinates(self, x: Unknowns) -> np.ndarray:
+        return self.metric.coordinates(x if len(x.points) == self.n else x.resample(self.n))
 
     def correct(self, last: _Place, start, plane) -> Correction | str:
         torus, begin = last.torus, self.metric.unknowns(start)
@@ -162,8 +198,7 @@ class _Chart(Chart[_Place]):
         found = refine(torus, begin, w, target, goal=goal, max_modes=max_modes)
         if not found.ok:
             return f"{found.outcome.name}: {found.message}"
-        same = found.unknowns.resample(len(torus.points))
-        return Correction(self.metric.coordinates(same), 0, found)
+        return Correction(self._coordinates(found.unknowns), 0, found)
 
     def tangent(self, last: _Place, found: Correction) -> np.ndarray:
         secant = found.x - self.place(last).x
@@ -182,12 +217,16 @@ class _Problem(BranchProblem[_Place]):
     what = TORI
     shortest, longest = 1e-3, 1.0  # shorter steps make no progress; longer ones need more modes
 
-    def __init__(self, torus: Torus, goal: float, max_modes: int):
-        self.first, self.goal, self.max_modes = torus, goal, max_modes
-        self.metric = Metric.of(torus.scene, torus.unknowns)
+    def __init__(self, torus: Torus, within: tuple[float, float], goal: float, max_modes: int):
+        self.first, self.within, self.goal, self.max_modes = torus, within, goal, max_modes
+        self.metric = Metric.of(torus.scene, torus.unknowns, torus.unit)
 
     def chart(self, member: _Place) -> _Chart:
-        return _Chart(self, member.guessed)
+        return _Chart(self, member)
+
+    def bounded(self, chart: _Chart, member: _Place) -> list[Bounded]:
+        del chart
+        return [Bounded(member.torus.parameter, self.within, units=self.first.unit)]
 
     def codec(self) -> Codec:
         def pack(member: _Place) -> dict[str, Any]:
@@ -196,7 +235,8 @@ class _Problem(BranchProblem[_Place]):
         def unpack(record: Any) -> _Place:
             fields = decode_fields(record, _Place, "file", OTHER, raw=("torus",))
             known = decode_fields(fields["torus"], Torus, "file", OTHER, _SAME)
-            fields["torus"] = dataclasses.replace(self.first, **known)
+            scene = scene_of(self.first.scene, self.first.make, known["parameter"])
+            fields["torus"] = dataclasses.replace(self.first, **known, scene=scene)
             return _Place(**fields)
 
         return Codec(pack, unpack)
