@@ -486,7 +486,8 @@ def floquet_vector(orbit: Orbit, pair: int) -> tuple[float, np.ndarray]:
             "orbit",
             f"at least {_text.number_of(pair + 1, 'pair')} of multipliers on the unit circle",
             f"{len(on_circle)}",
-            "Tori surround elliptic orbits; orbits.stability has the multipliers.",
+            "Tori surround elliptic orbits; with damping they begin at a torus point, one of "
+            "family.special. orbits.stability has the multipliers.",
         )
     each = sizes(orbit.scene)
     basis = tangents_in(orbit.scene, each)
