@@ -141,7 +141,7 @@ class Torus:
 
     @property
     def resonance(self) -> str:
-        """The simple fraction of a turn that the rotation is close to, as "1:3"; "" if none."""
+        """The simple fraction of a turn that the rotation is close to, as ``1:3``, if any."""
         turn = self.rotation / (2 * math.pi) % 1.0
         near = (q for q in range(1, _ORDERS + 1) if abs(q * turn - round(q * turn)) < _NEAR)
         q = next(near, None)
