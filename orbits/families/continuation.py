@@ -42,7 +42,7 @@ from orbits.families.bifurcations import leaves_open, special_points, zero_betwe
 from orbits.families.chains import ChainSurface
 from orbits.families.family import Family, Member
 from orbits.families.shrinking import shrinks_ahead
-from orbits.families.steps import OrbitChart, first_member, in_segments, parameter_at
+from orbits.families.steps import OrbitChart, first_member, in_segments, moved_to, parameter_at
 from orbits.families.surface import OrbitSurface, Point, Surface
 from orbits.hybrid.equations import ChainEquations, MakeChain
 from orbits.hybrid.legs import HybridOrbit
@@ -351,7 +351,9 @@ class _Problem(BranchProblem[Member]):
             return found
         if start is None:
             return found
-        missed = special_points(self.surface.at(start.point), start, b)
+        surface = self.surface.at(start.point)
+        same = moved_to(surface, b)  # since `start` the orbits may have been cut again
+        missed = [] if same is None else special_points(surface, start, same)
         return [*found, *(x for x in missed if x.kind in _AT_ONE)]
 
     def again(self, chart: OrbitChart, first, a, b) -> Member | None:

@@ -162,17 +162,23 @@ def drift(a: Member, b: Member) -> float:
 
 def in_segments(surface: Surface, member: Member) -> Member:
     """The member in segments that suit it: it is cut again if errors grow strongly over one."""
-    old, new = member.point, surface.recut(member.point)
-    if new is None:
+    new = surface.recut(member.point)
+    return member if new is None else moved_to(new, member) or member
+
+
+def moved_to(new: Surface, member: Member) -> Member | None:
+    """The member in the segments of a surface; None if Newton's method does not find it there."""
+    old = member.point
+    if old.equations is new.equations:
         return member
-    known = old.equations.move_to(old.x, new.equations, surface.rtol)
+    known = old.equations.move_to(old.x, new.equations, new.rtol)
     point = new.nearest(known, near=old)
     if point is None:
-        return member
+        return None
 
     def directions(old_basis: np.ndarray) -> np.ndarray:
         ahead = (old.x + _NUDGE * way for way in old_basis.T)
-        moved = [old.equations.move_to(x, new.equations, surface.rtol) - known for x in ahead]
+        moved = [old.equations.move_to(x, new.equations, new.rtol) - known for x in ahead]
         return np.reshape(moved, (len(moved), known.size)).T / point.units[:, None] / _NUDGE
 
     basis = new.directions(point)
@@ -182,7 +188,7 @@ def in_segments(surface: Surface, member: Member) -> Member:
         _fixed_parameter_directions(new, basis), _orthonormal(directions(member.alike))
     )
     if not tangent.shape[1] or alike.shape[1] < member.alike.shape[1]:
-        return member
+        return None
     tangent, alike = point.units * tangent[:, 0], point.units[:, None] * alike
     return dataclasses.replace(member, point=point, tangent=tangent, alike=alike)
 

@@ -15,6 +15,7 @@ import orbits
 from jaxdyn import Status, scenes
 from orbits import Kind
 from orbits.families import surface
+from orbits.families.steps import moved_to
 from orbits.shooting.segment import linearize_end
 
 
@@ -255,3 +256,27 @@ def test_bounds_are_around_the_first_orbit():
         orbits.continue_family(swing, within=(0.1, 0.2))
     with pytest.raises(ValueError, match="within: expected two bounds, the lower one first"):
         orbits.continue_family(swing, within=9.0)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.slow
+def test_a_member_on_another_mesh_is_the_same_orbit():
+    """A family that was cut again is searched for special points since before that."""
+
+    def make(mu):
+        return jaxdyn.ode(
+            lambda t, y, mu: [y[1], mu * (1 - y[0] ** 2) * y[1] - y[0]], [2.0, 0.0], 7.0, params=mu
+        )
+
+    def member(mu, period):
+        found = orbits.find(make(mu), period=period, strategy=orbits.Collocation())
+        return orbits.continue_family(found, make, mu, members=2, down=False).members[0]
+
+    mild, sharp = member(1.0, 6.66), member(6.0, 13.0)
+    assert mild.point.x.size < sharp.point.x.size
+    fine = surface.OrbitSurface(sharp.point.equations, 1e-12, 1e-10)
+    same = moved_to(fine, mild)
+    assert same.point.x.size == same.tangent.size == sharp.point.x.size
+    np.testing.assert_allclose(same.point.place, mild.point.place, rtol=1e-9, atol=1e-9)
+    ends = [(m.tangent / m.point.units)[[0, 1, -2, -1]] for m in (same, mild)]
+    cosine = ends[0] @ ends[1] / np.linalg.norm(ends[0]) / np.linalg.norm(ends[1])
+    assert cosine == pytest.approx(1.0, abs=1e-6)
