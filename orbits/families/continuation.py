@@ -14,7 +14,7 @@ for conservative scenes.
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -103,6 +103,12 @@ _ENDS = {
     Kind.REST: "an equilibrium, to which the orbits shrink",
     Kind.GRAZING: "a grazed event, beyond which the chains are not motions",
 }
+#: Relative difference up to which the members of a family have one value of its parameter.
+_SAME_VALUE = 1e-10
+_AT_ONE_VALUE = (
+    "; the parameter does not change along the family: orbits close at this value only, as without "
+    "damping, or by a symmetry"
+)
 _PASSED = "a bound of a leg, which the chains pass"
 _UNBOUNDED = "a motion so large that its drive is rounding beside it"
 _NOT_SIMPLE = (
@@ -230,7 +236,14 @@ def continue_family(
         end = f"the first orbit, whose multipliers are unknown: {first.stability.message}"
         return Family(members=(first,), special=(), end=end, equations=surface.equations)
     found = follow(_Problem(surface, within, energies), first, step, members, report, path)
-    return Family(found.members, found.special, found.end, surface.equations)
+    end = found.end + (_AT_ONE_VALUE if _stays(found.members) else "")
+    return Family(found.members, found.special, end, surface.equations)
+
+
+def _stays(members: Sequence[Member]) -> bool:
+    """Whether the parameter of a family, if it has one, is the same for all of its members."""
+    values = np.array([member.parameter for member in members])
+    return len(values) > 2 and bool(np.ptp(values) <= _SAME_VALUE * np.abs(values).max())
 
 
 @check_first

@@ -124,7 +124,8 @@ def section(
       starts: (n, k) states, or what `sections.complete` returned; the scene's own by default. A
         start on the section does not count as a crossing.
       crossings: number of crossings of each start.
-      t1: () latest time of a crossing; by default the scene's span for each crossing.
+      t1: () latest time of a crossing; by default the scene's span for each crossing, and one more,
+        since the start does not count.
       coordinates: names of the two entries of the state that are drawn; by default a position
         and its velocity.
       rtol: see `simulate`.
@@ -159,7 +160,7 @@ def section(
     n_wanted = whole("crossings", crossings)
     shown = pair(scene, event, coordinates)
     y0s, status = _starts(scene, starts)
-    end = float(finite("t1", numbers("t1", n_wanted * scene.t1 if t1 is None else t1)))
+    end = float(finite("t1", numbers("t1", (n_wanted + 1) * scene.t1 if t1 is None else t1)))
     options = {"rtol": rtol, "atol": atol, "solver": solver, "max_steps": max_steps}
     table = _Table(scene, event, y0s, status, n_wanted)
     total = n_wanted * int((status == Status.OK).sum())

@@ -280,3 +280,17 @@ def test_a_member_on_another_mesh_is_the_same_orbit():
     ends = [(m.tangent / m.point.units)[[0, 1, -2, -1]] for m in (same, mild)]
     cosine = ends[0] @ ends[1] / np.linalg.norm(ends[0]) / np.linalg.norm(ends[1])
     assert cosine == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_a_family_at_one_value_of_its_parameter_says_so():
+    """Small oscillations of any amplitude, but only without damping."""
+
+    def make(damping):
+        return jaxdyn.ode(
+            lambda t, y, c: [y[1], -y[0] - y[0] ** 3 - c * y[1]], [1.0, 0.0], 4.0, params=damping
+        )
+
+    found = orbits.continue_family(orbits.find(make(0.0)), make, 0.0, members=3)
+    assert "the parameter does not change along the family" in found.end
+    assert np.ptp(found.periods) > 0.0

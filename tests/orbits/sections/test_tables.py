@@ -205,3 +205,13 @@ def test_a_stroboscope_of_a_square_wave_has_the_states_of_the_motion():
     few = orbits.section(scene, Every(period), starts, crossings=20, t1=30.1)
     assert few.counts.tolist() == [10, 10]
     assert set(few.status.tolist()) == {Status.FEW_CROSSINGS}
+
+
+def test_as_many_crossings_as_asked_for_where_the_span_is_a_period():
+    def rate(t, y):
+        return [y[1], -0.3 * y[0] + 0.1 * jnp.cos(t)]
+
+    scene = jaxdyn.ode(rate, [1.0, 0.0], 2 * np.pi)
+    found = orbits.section(scene, Every(2 * np.pi), crossings=5)
+    assert found.counts.tolist() == [5]
+    assert found.ts[0] == pytest.approx(2 * np.pi * np.arange(1, 6), abs=1e-12)
