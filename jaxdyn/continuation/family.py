@@ -106,8 +106,9 @@ class Equilibrium:
         numbers = ("coefficient", "cubic", "frequency")
         known = ((name, getattr(self, name)) for name in numbers)
         rows += [(name, _text.brief(x)) for name, x in known if not math.isnan(x)]
-        what = self.name
-        return _text.table(f"{what[0].upper()}{what[1:]}, {self.verdict}", rows)
+        undecided = self.verdict == "undecided"
+        rows.append(("stability", self.verdict + " to first order" * undecided))
+        return _text.table(f"{self.name[0].upper()}{self.name[1:]}", rows)
 
     _repr_html_ = _text.html
 

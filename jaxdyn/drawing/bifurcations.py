@@ -51,7 +51,8 @@ def equilibria(
     """A picture of families of equilibria: one entry of the state over the parameter.
 
     Stable stretches are solid and unstable ones dashed; stretches without a verdict, or on which it
-    changes without a special point, are dotted. Special points are marked.
+    changes without a special point, are dotted. Special points are marked, subcritical ones
+    by an open mark.
 
     Args:
       families: results of `continue_equilibria` and `switch_branch` for one scene, or one of them.
@@ -81,7 +82,9 @@ def equilibria(
 def mark_special(ax, point: Equilibrium, height: float) -> None:
     """Mark a special equilibrium at its parameter and a height."""
     kinds = list(EQUILIBRIUM_MARKERS)
-    look = {"color": PALETTE[1 + kinds.index(point.kind)], "ms": 7, "zorder": 4, "ls": ""}
+    colour = PALETTE[1 + kinds.index(point.kind)]
+    inside = "white" if point.criticality == "subcritical" else colour
+    look = {"color": colour, "mfc": inside, "ms": 7, "zorder": 4, "ls": ""}
     marker = EQUILIBRIUM_MARKERS[point.kind]
     ax.plot([point.parameter], [height], marker, label=point.name, **look)
 

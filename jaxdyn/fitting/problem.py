@@ -1,6 +1,5 @@
 """The problem that is solved: the checked arguments that `fit` and `train` have in common."""
 
-import difflib
 import inspect
 import reprlib
 from collections.abc import Callable, Mapping, Sequence
@@ -12,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _text
 from jaxdyn._checks import check_kind
 from jaxdyn.fitting import measurements
 from jaxdyn.fitting.measurements import Measured
@@ -106,7 +105,7 @@ def _by_name(make: Callable, guess: Any) -> bool:
     parameters = inspect.signature(make).parameters
     takes_any = any(p.kind is p.VAR_KEYWORD for p in parameters.values())
     known = [name for name in guess if name in parameters]
-    near = [name for name in guess if difflib.get_close_matches(str(name), parameters, n=1)]
+    near = [name for name in guess if _text.suggestion(str(name), parameters)]
     if not (known or near or takes_any) and len(parameters) == 1:
         return False  # the dictionary is the only argument
     for name in () if takes_any else guess:

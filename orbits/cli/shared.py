@@ -28,10 +28,10 @@ SceneOfFile = Annotated[
     ),
 ]
 QuantityOption = Annotated[
-    str,
+    str | None,
     typer.Option(
         metavar="WHAT",
-        help="To draw: energy, jacobi, multiplier, amplitude x, max x, mean x, phase x.",
+        help="To draw: period, energy, jacobi, multiplier, amplitude x, max x, mean x, phase x.",
     ),
 ]
 SaveOption = Annotated[Path | None, output_option(writable, "Write a file (.json).", "--save")]

@@ -32,7 +32,7 @@ def show_command(
     scene: SceneOfFile = None,
     settings: SetOption = None,
     plot: PlotOption = None,
-    quantity: QuantityOption = "period",
+    quantity: QuantityOption = None,
     title: TitleOption = None,
     live: LiveOption = None,
     as_object: JsonOption = False,
@@ -86,7 +86,7 @@ def _show_family(
     found: "orbits.files.family_files.Listing",
     file: Path,
     plot: Path | None,
-    quantity: str,
+    quantity: str | None,
     title: str | None,
     out: Screen,
 ) -> None:

@@ -24,12 +24,16 @@ from jaxdyn.drawing.figures import (
 )
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.output_files import picture_path
-from orbits.analysis.quantities import Quantity, label, unit
+from orbits.analysis.quantities import Quantity, amplitude, label, unit
 from orbits.analysis.quantities import quantity as named_quantity
 from orbits.families.family import Family, Member, first_scene
 from orbits.files.family_files import Entry, Listing, listing, parameter_name
+from orbits.hybrid.legs import HybridOrbit
+from orbits.orbit import Orbit
 
 _WIDTH = 6.8  # inches
+#: Relative difference up to which orbits have the same period.
+_SAME_PERIOD = 1e-9
 #: Marks of special orbits.
 MARKS = {
     Kind.FOLD: "s",
@@ -47,7 +51,7 @@ def family(
     listed: Family | Listing | Sequence[Family | Listing],
     path=None,
     *,
-    quantity: str | Quantity = "period",
+    quantity: str | Quantity | None = None,
     parameter: str | None = None,
     title: str | None = None,
     names: Sequence[str] | None = None,
@@ -63,7 +67,8 @@ def family(
       path: file to write, .png, .pdf or .svg.
       quantity: "period", "energy", "jacobi", "multiplier"; "amplitude x", "max x", "min x",
         "mean x" or "phase x" of an entry x of the state; or a function from an orbit to a number.
-        See `orbits.analysis.quantities`.
+        See `orbits.analysis.quantities`. By default the period, or where that is the same for all,
+        the amplitude of an entry that changes.
       parameter: name of the parameter of a family in the picture.
       title: its title; the scene with the numbers that all orbits share by default, "" for none.
       names: names of several families, for the legend.
@@ -72,10 +77,13 @@ def family(
         there is no such quantity, several families are over different numbers, or `names` has not
         one name for each.
     """
-    path, of_orbit = picture_path(path), named_quantity(quantity)
+    path = picture_path(path)
     several = list(listed) if isinstance(listed, list | tuple) else [listed]
     drawn = [_listing(one, parameter) for one in several]
     _check_together(drawn, names)
+    if quantity is None:
+        quantity = _changing([entry.orbit for one in drawn for entry in one.members])
+    of_orbit = named_quantity(quantity)
     figure = blank(_WIDTH, 5.0)
     ax: Any = figure.add_subplot(1, 1, 1)
     for one, colour in zip(drawn, itertools.cycle(PALETTE), strict=False):
@@ -108,6 +116,19 @@ def _check_together(drawn: Sequence[Listing], names: Sequence[str] | None) -> No
         raise fail("listed", "families in one parameter, or in energy", " and ".join(over))
     if names is not None and len(names) != len(drawn):
         raise fail("names", f"{len(drawn)}, one for each family", len(names))
+
+
+def _changing(orbits: Sequence[Orbit | HybridOrbit]) -> str:
+    """The period, or where all orbits have the same one the amplitude of an entry that changes."""
+    periods = [float(orbit.period) for orbit in orbits]
+    smooth = [orbit for orbit in (orbits[0], orbits[-1]) if isinstance(orbit, Orbit)]
+    if np.ptp(periods) > _SAME_PERIOD * max(periods) or len(smooth) < 2:
+        return "period"
+    names = [name for name, _ in first_scene(orbits[0]).labels()]
+    ends = np.array([[amplitude(orbit, name) for name in names] for orbit in smooth])
+    largest = ends.max(axis=0)
+    changes = np.ptp(ends, axis=0) / np.where(largest > 0.0, largest, 1.0)
+    return f"amplitude {names[int(np.argmax(changes >= 0.5 * changes.max()))]}"
 
 
 def _draw(ax, listed: Listing, of_orbit: Quantity, colour, others: Sequence) -> None:

@@ -62,7 +62,7 @@ def family_command(
         str | None, typer.Option(metavar="A,B", help="Bounds on the energy.")
     ] = None,
     plot: PlotOption = None,
-    quantity: QuantityOption = "period",
+    quantity: QuantityOption = None,
     title: TitleOption = None,
     save_to: SaveOption = None,
     as_object: JsonOption = False,

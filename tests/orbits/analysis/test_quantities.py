@@ -120,6 +120,19 @@ def test_what_is_refused(driven, what, message):
         quantities.check_quantity(what, driven[0].scene)
 
 
+@pytest.mark.slow
+def test_a_family_of_one_period_is_drawn_by_an_amplitude():
+    def make(force):
+        return jaxdyn.ode(
+            lambda t, y, f: [y[1], -4.0 * y[0] - 0.1 * y[1] + f * jnp.cos(t)],
+            [0.1, 0.0], 2 * np.pi, params=force, names=["x", "v"]
+        )  # fmt: skip
+
+    family = orbits.continue_family(orbits.find(make(1.0)), make, 1.0, members=3)
+    (ax,) = orbits.drawing.family(family).axes
+    assert ax.get_ylabel() == "amplitude x"
+
+
 def test_a_family_is_drawn_by_a_quantity():
     swing = orbits.find(scenes.pendulum(angle=1.0), period=2.0, hold="theta")
     family = orbits.continue_family(swing, members=2, step=0.1)
