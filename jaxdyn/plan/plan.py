@@ -32,7 +32,7 @@ class Plan:
       conditions: the conditions, in the order in which the program meets them.
       of_time: (e,) whether each entry of a branch depends on time alone.
       bends: (e,) whether the rate is continuous where the entry changes.
-      distinguishes: whether ``==`` tests for a surface at which the rate jumps.
+      distinguishes: whether ``==`` tests for a surface in state space at which the rate jumps.
       unread: names of operations that may hide conditions.
       bounded: whether all operations on time alone have bounds.
       partial: whether a condition decides if a function that is not defined for all states, such as
@@ -47,7 +47,6 @@ class Plan:
         self._time = jax.ShapeDtypeStruct((), y.dtype)
         self._waves = waves
         known = continuity(program) if may_switch(program) else Continuity()
-        self.distinguishes = known.distinguishes
         whole = BranchEvaluation(None, continuous=known.comparisons)
         deep = BranchEvaluation(None, every_call=True)
         part = BranchEvaluation(None, time_only=True, waves=waves)
@@ -67,6 +66,7 @@ class Plan:
         entries = [c for c in self.conditions for _ in range(c.size)]
         self.of_time = np.array([c.of_time for c in entries], bool)
         self.bends = np.array([c.bends for c in entries], bool)
+        self.distinguishes = known.distinguishes and self.most_surfaces > 0
         self.unread = frozenset(whole.unread)
         self.hides = bool(part.leaves)
         self.bounded = True

@@ -164,6 +164,7 @@ ELSEWHERE = {
     "a length that may be 0": lambda e: -3.0 * e.v / jnp.where(_length(e) == 0, 1.0, _length(e)),
     "another surface": lambda e: jnp.where(e.x == 0, 5.0, 3.0) * jnp.sign(e.v),
     "a contact": lambda e: jnp.where(e.x == 0, 0.0, jnp.where(e.x < 0, -e.k * e.x, 0.0)),
+    "of time": lambda e: jnp.mod(e.t, 1.0),  # whose program compares with 0
     "of a number": lambda e: jnp.where(e.k == 0, 5.0, 3.0) * jnp.sign(e.v),
 }
 
