@@ -9,6 +9,7 @@ from . import energy_change as energy_change
 from . import equilibria as equilibria
 from . import floquet as floquet
 from . import free_body as free_body
+from . import kepler as kepler
 from . import linearize as linearize
 from . import momenta as momenta
 from . import monodromy as monodromy

@@ -26,7 +26,7 @@ class OrbitalElements(NamedTuple):
       inclination: angle between the orbital plane and the plane xy, from 0 to pi [rad].
       node: longitude of the ascending node, from 0 to 2 pi [rad].
       pericentre: argument of the pericentre, from 0 to 2 pi [rad].
-      anomaly: true anomaly, from 0 to 2 pi [rad].
+      anomaly: true anomaly, from 0 to 2 pi [rad]; `kepler` has mean anomalies.
     """
 
     a: Array
@@ -94,7 +94,8 @@ def position_and_velocity(elements: OrbitalElements, mu) -> tuple[Vectors, Vecto
     """The position (..., 3) and the velocity (..., 3) of a body with these elements.
 
     Args:
-      elements: those that `orbital_elements` returns, but not of a parabola.
+      elements: those that `orbital_elements` returns, but not of a parabola. From a mean anomaly
+        `kepler.true_anomaly` finds the true one.
       mu: (...) gravitational parameter [m^3/s^2].
     Example:
       >>> from jaxdyn.analysis.elements import OrbitalElements, position_and_velocity
