@@ -5,8 +5,8 @@ and `constraints` (tensions, reactions, rank); `regularized` and `approaches` fo
 encounters. At a state, `elements` has the Keplerian elements of an orbit, with mean anomalies in
 `kepler`, and `free_body` all forces on each body. `static_friction` has rates and forces where
 friction holds a body. Stability is the subject of `linearize`, `steady` (steady motions),
-`floquet` (driven scenes) and `precession`; `eigenvalues` decides it (for orbits, from the `monodromy` matrix), at centres
-`energy_extremum`.
+`floquet` (driven scenes) and `precession`; `eigenvalues` decides it (for orbits, from the
+`monodromy` matrix), at centres `energy_extremum`.
 `equilibria` finds equilibria; the folder `equilibrium_search` searches for them and proves that
 there are no others. `scales_at_rest` has the scales of the entries and of time near an equilibrium;
 `_roots` finds zeros of functions of one variable, each in its bracket.
