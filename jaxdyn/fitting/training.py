@@ -126,14 +126,16 @@ def train(
       guess: initial values of the parameters; see `fit`. Whatever is not a number, such as the
         activation function of a network, stays as it is.
       data: times "t" and columns with every entry of the state; see `fit`. Further columns may be
-        positions of points, or functions, see `observe`.
+        positions of points, or functions, see `observe`. A list has the measurements of several
+        motions, with the same columns.
       steps: number of steps of the optimiser.
       optimiser: an optimiser of Optax; by default ``optax.adam(0.01)``.
       ahead: number of measurements that each span predicts.
       columns: the columns that are used; all by default.
       observe: further columns by name, functions (scene, t, y) -> () of a state y.
-      validation: measurements that are not learned from, with the same columns: the parameters that
-        predict these best are returned, instead of those that fit the noise of `data`.
+      validation: measurements that are not learned from, with the same columns, or a list of them:
+        the parameters that predict these best are returned, instead of those that fit the noise of
+        `data`.
       rtol: relative tolerance of a step.
       solver: see `simulate`.
       max_steps: largest number of steps of a span.
@@ -158,13 +160,20 @@ def train(
         remedy = "For example optax.adam(0.01)."
         raise _checks.fail("optimiser", "one of Optax", type(optimiser).__name__, remedy)
     options = {"rtol": rtol, "solver": solver, "max_steps": max_steps, "adjoint": "steps"}
-    model, theta, scene, table, _ = pose(make, guess, data, columns, observe, options)
-    spread = np.nanstd(table.values, axis=0)
+    first, *more = _motions("data", data)
+    model, theta, scene, table, _ = pose(make, guess, first, columns, observe, options)
+
+    def tables(motions):
+        posed = (pose(make, guess, one, table.names, observe, options) for one in motions)
+        return [one.table for one in posed]
+
+    learned = [table, *tables(more)]
+    spread = np.nanstd(np.concatenate([one.values for one in learned]), axis=0)
     spread = np.where(spread > 0, spread, 1.0)
-    spans, held_out = _spans("data", model, scene, table, ahead, spread), None
+    spans, held_out = _spans("data", model, scene, learned, ahead, spread), None
     if validation is not None:
-        other = pose(make, guess, validation, table.names, observe, options)
-        held_out = _spans("validation", model, scene, other.table, ahead, spread)
+        others = tables(_motions("validation", validation))
+        held_out = _spans("validation", model, scene, others, ahead, spread)
     optimiser = optax.adam(_RATE) if optimiser is None else optimiser
     units = _units(model, theta)
     best, losses, judged, lost = _descend(model, spans, held_out, theta, units, optimiser, steps)
@@ -181,8 +190,16 @@ def _units(model: Model, theta: Array) -> Array:
     return jnp.where(single & (theta != 0), jnp.abs(theta), 1.0)
 
 
+def _motions(name: str, data: Any) -> list:
+    """The measurements of each motion; `name` is the argument."""
+    motions = list(data) if isinstance(data, list | tuple) else [data]
+    if not motions:
+        raise _checks.fail(name, "measurements of at least one motion", "none")
+    return motions
+
+
 def _spans(
-    name: str, model: Model, scene: Scene, table: Measured, ahead: int, spread: np.ndarray
+    name: str, model: Model, scene: Scene, tables: list[Measured], ahead: int, spread: np.ndarray
 ) -> Spans:
     """The spans from all complete rows that enough rows follow, of data that an argument names.
 
@@ -196,22 +213,24 @@ def _spans(
         remedy = "Spans begin at measured states; jaxdyn.fit estimates what was not measured."
         raise _checks.fail(name, wanted, got, remedy)
     entries = [of_entry[i] for i in range(len(names))]
+    parts = [_spans_of(table, entries, ahead) for table in tables]
+    starts, begin, ts, values, there = (np.concatenate(x) for x in zip(*parts, strict=True))
+    if not there.any():
+        wanted = f"a complete row with {ahead} more after it"
+        rows = sum(len(table.ts) for table in tables)
+        raise _checks.fail(name, wanted, f"{rows} rows without one", "Lower ahead=.")
+    weights = there / spread**2 / there.sum()
+    return Spans(*map(jnp.asarray, (starts, begin, ts, np.where(there, values, 0.0), weights)))
+
+
+def _spans_of(table: Measured, entries: list[int], ahead: int) -> tuple[np.ndarray, ...]:
+    """Starts, their times, later times, values there, and whether these are known, of a table."""
     known = np.isfinite(table.values)
     first = np.flatnonzero(known[:, entries].all(axis=1))
     first = first[first + ahead < len(table.ts)]
     after = first[:, None] + np.arange(1, ahead + 1)
-    there = known[after]
-    if not there.any():
-        wanted = f"a complete row with {ahead} more after it"
-        raise _checks.fail(name, wanted, f"{len(table.ts)} rows without one", "Lower ahead=.")
-    weights = there / spread**2
-    return Spans(
-        starts=jnp.asarray(table.values[first][:, entries]),
-        begin=jnp.asarray(table.ts[first]),
-        ts=jnp.asarray(table.ts[after]),
-        values=jnp.asarray(np.where(there, table.values[after], 0.0)),
-        weights=jnp.asarray(weights / there.sum()),
-    )
+    starts = table.values[first][:, entries]
+    return starts, table.ts[first], table.ts[after], table.values[after], known[after]
 
 
 @eqx.filter_jit

@@ -174,3 +174,16 @@ def test_held_out_data_without_a_motion_end_the_training():
     assert found.outcome == TrainingStatus.NO_MOTION
     assert np.isnan(found.validation_losses).all()
     assert "validation loss  nan before" in repr(found)
+
+
+@pytest.mark.slow
+def test_several_motions_are_learned_from_without_the_span_between_them(noisy):
+    x = noisy["x"]
+    parts = [{"t": TS[:9], "x": x[:9]}, {"t": TS[9:] + 5.0, "x": x[9:]}]
+    off = np.delete(x[:-1] * np.exp(-1.0 * TS[1]) - x[1:], 8)
+    found = train(parts, steps=1, validation=parts[1:])
+    assert found.losses[0] == pytest.approx(np.mean(off**2) / np.std(x) ** 2, rel=1e-5)
+    wanted = np.mean(off[8:] ** 2) / np.std(x) ** 2
+    assert found.validation_losses[0] == pytest.approx(wanted, rel=1e-5)
+    with pytest.raises(ValueError, match=r"^data: expected measurements of at least one motion"):
+        train([])
