@@ -96,6 +96,8 @@ _SYNONYMS = {
     "transfer orbit": ("from one orbit", "libration point"),
     "mathieu": ("shaken", "shaking base", "curves in two parameters"),
     "mathieu equation": ("shaken", "shaking base", "curves in two parameters"),
+    "quasiperiodic": ("invariant tori", "frequency response"),
+    "neimark-sacker": ("invariant tori", "bifurcation"),
     "tongue": ("curves in two parameters", "special orbits in two parameters"),
     "arnold tongue": ("curves in two parameters", "special orbits in two parameters"),
 }

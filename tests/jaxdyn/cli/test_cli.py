@@ -68,6 +68,8 @@ def test_words_of_the_field_find_scenes(jaxdyn):
         ("walking robot", "simplest_walker"),
         ("slingshot", "n_body"),
         ("Kepler", "two_body"),
+        ("quasi-periodic", "30_tori.md"),
+        ("Neimark-Sacker", "30_tori.md"),
         ("spring pendulum", "spring_mass"),
         ("optax", "28_neural_terms.md"),
         ("machine learning", "28_neural_terms.md"),
