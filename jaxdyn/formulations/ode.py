@@ -143,7 +143,8 @@ def ode(
         dictionaries: index entries by name, as in ``motion["x"]``. An entry with the unit "rad" is
         an angle: values that differ by 2 pi are the same. Entries with the same unit share a size,
         to which tolerances are relative; an entry without a unit has its own. Give the modes of a
-        wave one unit: small modes are then resolved only relative to the large ones.
+        wave one unit: small modes are then resolved only relative to the large ones. The unit of
+        time is that of a rate among them, as ms of "mV/ms", otherwise s.
       params: any pytree of numbers: derivatives go through them, `jax.vmap` runs over them, and
         new values do not compile again. Integers become floats: let the function capture those
         that index an array, or make them a static field of an `eqx.Module`.

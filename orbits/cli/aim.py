@@ -15,7 +15,8 @@ from orbits.cli.shared import NOT_FOUND
 
 def aim_command(
     speed: Annotated[float, number("Launch speed [m/s].")] = 10.0,
-    x: Annotated[float | None, number("Target at launch height [m].")] = None,
+    x: Annotated[float | None, number("Target on the ground [m].")] = None,
+    height: Annotated[float, number("Height of the launch above the ground [m].")] = 0.0,
     g: Annotated[float, number("Gravity [m/s^2].")] = 9.81,
     mass: Annotated[float, number("Mass [kg].")] = 1.0,
     drag: Annotated[float, number("Quadratic drag [kg/m].")] = 0.0,
@@ -25,11 +26,7 @@ def aim_command(
     title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """The launch angle of the longest throw; with --x, those that hit, and the lowest speed.
-
-    Throws land at launch height. For those from a height, see the example of
-    `help(orbits.targets.aim.farthest)`.
-    """
+    """The launch angle of the longest throw; with --x, those that hit, and the lowest speed."""
     check_title(title, plot)
     with screen("looking for the angle of the longest throw", as_object) as out:
         scene = jaxdyn.scenes.cannonball(m=mass, g=g)
@@ -38,16 +35,16 @@ def aim_command(
         if linear:
             scene = scene + jaxdyn.effects.LinearDrag(linear, (wind, 0.0))
         # Print each line as soon as it is known: compiling takes a while.
-        best = orbits.targets.aim.farthest(scene, speed)
+        best = orbits.targets.aim.farthest(scene, speed, height)
         out.print(_line("farthest", best))
         hits = least = None
         if x is not None:
             out.show_task(f"looking for the angles that hit {x:g} m")
-            hits = orbits.targets.aim.hit(scene, x, speed)
+            hits = orbits.targets.aim.hit(scene, x, speed, height)
             _print_hits(hits, out)
             if x > 0:
                 out.show_task(f"looking for the lowest speed that reaches {x:g} m")
-                least = orbits.targets.aim.slowest(scene, x)
+                least = orbits.targets.aim.slowest(scene, x, height)
                 out.print(_line("least speed", least))
         if as_object:
             found = {"farthest": _throw(best), "hits": _hits(hits)}

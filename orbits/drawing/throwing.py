@@ -54,12 +54,13 @@ def throws(
         place = motion.r[:, 0] - np.asarray(scene.y0)[None, :2]
         paths.plot(place[:, 0], place[:, 1], color=colour, lw=1.8, label=label)
         ranges.plot(np.degrees(angle), place[-1, 0], "o", color=colour, ms=7, zorder=3)
-    found = landings(scene, _COURSES, speed, _LOOK)
+    height = float(best.height)
+    found = landings(scene, _COURSES, speed, _LOOK, height=height)
     ranges.plot(np.degrees(angle_of(_COURSES)), found.x, color=INK, lw=1.2)
     if hits is not None:
-        paths.plot(hits.x, 0.0, "x", color=INK, ms=10, mew=2.2, label="target")
+        paths.plot(hits.x, -height, "x", color=INK, ms=10, mew=2.2, label="target")
         ranges.axhline(hits.x, color=INK, lw=0.8, ls="--")
-    paths.axhline(0.0, color=INK, lw=0.8)
+    paths.axhline(-height, color=INK, lw=0.8)
     (_, length), _, (_, rate), _ = scene.labels()
     paths.set(aspect="equal", xlabel=f"x [{length}]", ylabel=f"y [{length}]")
     shown = f"launch speed {speed:.6g} {rate}" if title is None else ""

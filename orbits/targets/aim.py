@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Scene, _text
-from jaxdyn._checks import array, check_first, fail, positive
+from jaxdyn._checks import array, at_least_zero, check_first, fail, positive
 from jaxdyn.analysis._roots import root
 from jaxdyn.status import Code
 from orbits.targets.launch import (
@@ -83,21 +83,21 @@ def courses(scene: Scene, speeds: np.ndarray) -> np.ndarray:
     return np.concatenate([-forwards, np.zeros((len(speeds), 1)), forwards[:, ::-1]], axis=1)
 
 
-def best_courses(scene: Scene, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def best_courses(scene: Scene, speeds: np.ndarray, height: float) -> tuple[np.ndarray, np.ndarray]:
     """(n,) course of the farthest throw for each speed, NaN if there is none; and `Aim` codes."""
     w_look = courses(scene, speeds)
     n, m = w_look.shape
-    look = landings(scene, w_look, speeds[:, None], LOOK)
+    look = landings(scene, w_look, speeds[:, None], LOOK, height=height)
     x, slope = look.x.reshape(n, m), look.slope.reshape(n, m)
     top = (slope[:, :-1] > 0) & (slope[:, 1:] <= 0)
-    height = np.where(top, np.maximum(x[:, :-1], x[:, 1:]), -np.inf)
-    cell = np.argmax(height, axis=1)
-    found = np.isfinite(height[np.arange(n), cell])
+    reach = np.where(top, np.maximum(x[:, :-1], x[:, 1:]), -np.inf)
+    cell = np.argmax(reach, axis=1)
+    found = np.isfinite(reach[np.arange(n), cell])
     outcome = np.where(found, Aim.FOUND, Aim.NO_RANGE)
     w = np.full(n, np.nan)
     if found.any():
         low, high = w_look[found, cell[found]], w_look[found, cell[found] + 1]
-        w[found], fine = _extremes(scene, low, high, speeds[found])
+        w[found], fine = _extremes(scene, low, high, speeds[found], height)
         outcome[found] = np.where(fine, Aim.FOUND, Aim.NO_CONVERGENCE)
     lost = ~are_followed(look).reshape(n, m).all(axis=1)
     outcome = np.where(lost, Aim.LOST, outcome)
@@ -105,7 +105,7 @@ def best_courses(scene: Scene, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def turns(
-    scene: Scene, w: np.ndarray, look: Landings, speed: float
+    scene: Scene, w: np.ndarray, look: Landings, speed: float, height: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Courses of all extremes of the range between those sampled, and whether they were found."""
     rising = look.slope > 0
@@ -113,15 +113,18 @@ def turns(
     cells = np.flatnonzero((rising[:-1] != rising[1:]) & known)
     if not len(cells):
         return np.zeros(0), np.ones(0, bool)
-    return _extremes(scene, w[cells], w[cells + 1], np.full(len(cells), speed))
+    return _extremes(scene, w[cells], w[cells + 1], np.full(len(cells), speed), height)
 
 
-def _extremes(scene: Scene, low, high, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _extremes(
+    scene: Scene, low, high, speeds: np.ndarray, height: float
+) -> tuple[np.ndarray, np.ndarray]:
     """(n,) courses between `low` and `high` at which the range is extreme, and whether found."""
 
     def slope(w):
         # Its slope would need second derivatives of the flight, and three times the compile time.
-        return landings(scene, w, speeds).slope, np.full(len(w), np.nan)
+        found = landings(scene, w, speeds, height=height)
+        return found.slope, np.full(len(w), np.nan)
 
     return root(slope, low - WIDER, high + WIDER)
 
@@ -139,6 +142,7 @@ class Hits(eqx.Module):
     Attributes:
       x: () the target, from the launch along the first axis.
       speed: () launch speed.
+      height: () height of the launch above the ground.
       angles: (n,) launch angles [rad], ascending; empty if the target is out of reach.
       times: (n,) times of flight.
       short: () distance of the nearest throw from the target; 0 if the target is hit.
@@ -148,6 +152,7 @@ class Hits(eqx.Module):
 
     x: float
     speed: float
+    height: float
     angles: np.ndarray
     times: np.ndarray
     short: float
@@ -180,6 +185,7 @@ class Throws(eqx.Module):
       x: () or (n,) where it lands, from the launch along the first axis.
       t: () or (n,) time of flight.
       landing: () or (n,) angle below the first axis at which it comes down [rad].
+      height: () or (n,) height of the launch above the ground.
       outcome: () or (n,) `Aim` codes.
     """
 
@@ -188,6 +194,7 @@ class Throws(eqx.Module):
     x: np.ndarray
     t: np.ndarray
     landing: np.ndarray
+    height: np.ndarray
     outcome: Annotated[np.ndarray, Aim]
 
     __repr__ = _text.fields
@@ -206,20 +213,22 @@ class Throws(eqx.Module):
 
 
 @check_first
-def hit(scene: Scene, x, speed) -> Hits:
-    """All launch angles between 0 and 180 degrees that hit a point at launch height.
+def hit(scene: Scene, x, speed, height=0.0) -> Hits:
+    """All launch angles between 0 and 180 degrees that hit a point on the ground.
 
     Args:
       scene: one point in the plane and the effects on it; its own velocity is not used.
       x: () the target, from the launch along the first axis [m]; at 0, throws along the axis,
         which land at once, do not count.
       speed: () launch speed [m/s].
+      height: () height of the launch above the ground [m].
     Raises:
-      ValueError: `scene` is not a thrown point, `x` is not finite, or `speed` is not positive;
-        or one of them is traced.
+      ValueError: `scene` is not a thrown point, `x` is not finite, `speed` is not positive, or
+        `height` is negative; or one of them is traced.
     Limits: angles so flat that drag has no time to act are not sampled; two extremes of the range
-      between neighbouring sampled angles (up to 28 degrees apart) would be missed. For a point at
-      another height, solve for the angle with which the throw passes through it, as below.
+      between neighbouring sampled angles (up to 28 degrees apart) would be missed. Throws
+      from a height that begin downwards are not looked for. For a point above the launch, solve for
+      the angle with which the throw passes through it, as below.
     Example:
       >>> from jaxdyn import scenes
       >>> from orbits.targets import aim
@@ -238,23 +247,24 @@ def hit(scene: Scene, x, speed) -> Hits:
       >>> round(float(np.degrees(angle)), 6)
       27.328126
     """
-    scene = check_throw(scene, x=x, speed=speed)
+    scene, height = check_throw(scene, x=x, speed=speed, height=height), _height(height)
     x, speed = float(array("x", x, ())), float(positive("speed", array("speed", speed, ())))
     (samples,) = courses(scene, np.array([speed]))
-    look = landings(scene, samples, speed, LOOK)
-    extremes, fine = turns(scene, samples, look, speed)
+    look = landings(scene, samples, speed, LOOK, height=height)
+    extremes, fine = turns(scene, samples, look, speed, height)
     if not fine.all():
-        return _miss(x, speed, Aim.NO_CONVERGENCE)
+        return _miss(x, speed, height, Aim.NO_CONVERGENCE)
     ends = np.sort(np.concatenate([samples, extremes]))
-    ranges = landings(scene, ends, speed).x
+    ranges = landings(scene, ends, speed, height=height).x
     known = np.isfinite(ranges)
     if not known.any():
-        return _miss(x, speed, Aim.NO_RANGE if are_followed(look).any() else Aim.LOST)
+        outcome = Aim.NO_RANGE if are_followed(look).any() else Aim.LOST
+        return _miss(x, speed, height, outcome)
     side = np.sign(ranges - x)
     cells = np.flatnonzero(side[:-1] * side[1:] <= 0)
 
     def over(w):
-        found = landings(scene, w, speed)
+        found = landings(scene, w, speed, height=height)
         return found.x - x, found.slope
 
     angles, times, outcome = np.zeros(0), np.zeros(0), Aim.FOUND
@@ -262,7 +272,7 @@ def hit(scene: Scene, x, speed) -> Hits:
         w, fine = root(over, ends[cells], ends[cells + 1])
         w = np.sort(w[fine])
         w = w[np.diff(w, prepend=-np.inf) > SAME]  # one at a boundary is found twice
-        angles, times = angle_of(w), landings(scene, w, speed).t
+        angles, times = angle_of(w), landings(scene, w, speed, height=height).t
         outcome = outcome if fine.all() else Aim.NO_CONVERGENCE
     if not are_followed(look).all():
         outcome = Aim.LOST
@@ -271,65 +281,60 @@ def hit(scene: Scene, x, speed) -> Hits:
         # To rounding, all throws are equally near a target that is very far.
         near = short <= (1 + _ROUNDING) * np.nanmin(short)
         i = int(np.argmax(np.where(near, np.sign(x) * ranges, -np.inf)))
-        return _miss(x, speed, Aim.OUT_OF_REACH, short[i], angle_of(ends[i]))
+        return _miss(x, speed, height, Aim.OUT_OF_REACH, short[i], angle_of(ends[i]))
     short = 0.0 if len(angles) else np.nan
-    return Hits(x, speed, angles, times, short, np.nan, outcome)
+    return Hits(x, speed, height, angles, times, short, np.nan, outcome)
 
 
-def _miss(x: float, speed: float, outcome: Aim, short=np.nan, nearest=np.nan) -> Hits:
+def _miss(
+    x: float, speed: float, height: float, outcome: Aim, short=np.nan, nearest=np.nan
+) -> Hits:
     none = np.zeros(0)
-    return Hits(x, speed, none, none, float(short), float(nearest), outcome)
+    return Hits(x, speed, height, none, none, float(short), float(nearest), outcome)
 
 
 @check_first
-def farthest(scene: Scene, speed) -> Throws:
+def farthest(scene: Scene, speed, height=0.0) -> Throws:
     """The launch angle with the largest range along the first axis, for one speed or many.
 
     Args:
       scene: see `hit`.
       speed: () or (n,) launch speeds [m/s].
+      height: () height of the launch above the ground [m].
     Raises:
       ValueError: see `hit`.
     Limits: see `hit`. The angle of a maximum so flat that rounding hides it is accurate to 1e-8.
       Speeds from 1e150 on, whose squares overflow, are `LOST`; with quadratic drag, speeds from
-      1e75 on. Throws land at launch height: for a launch from a height, solve for the angle at
-      which the derivative of the distance is 0, as below.
+      1e75 on.
     Example:
       >>> from jaxdyn import scenes
       >>> from orbits.targets import aim
       >>> best = aim.farthest(scenes.cannonball(drag=0.01), [1e-2, 1e2, 1e4])
       >>> np.round(np.degrees(best.angle), 3)
       array([45.   , 32.554, 14.994])
-      >>> import jax, jaxdyn
-      >>> from jaxdyn.integrate.events import Reaches
-      >>> def distance(angle):  # from a cliff of 20 m; without drag the sine is v / |v at the end|
-      ...     ball = scenes.cannonball(speed=15.0, angle=angle)
-      ...     return jaxdyn.until(ball, Reaches(1, -20.0), 9.0).y[0]
-      >>> slope = jax.jit(jax.grad(distance))
-      >>> last, angle = 0.7, 0.6
-      >>> for _ in range(5):  # the secant method
-      ...     change = slope(angle) - slope(last)
-      ...     last, angle = angle, angle - slope(angle) * (angle - last) / change
-      >>> round(float(np.degrees(angle)), 9)
+      >>> cliff = aim.farthest(scenes.cannonball(), 15.0, height=20.0)
+      >>> round(float(np.degrees(cliff.angle)), 9)
       31.118608127
     """
-    scene = check_throw(scene, speed=speed)
+    scene, height = check_throw(scene, speed=speed, height=height), _height(height)
     speeds = positive("speed", speed, "It is a speed; the angle gives the direction.")
     shape = np.shape(speeds)
     if len(shape) > 1 or 0 in shape:
         raise fail("speed", "one speed or a row of them", f"shape {shape}")
-    w, outcome = best_courses(scene, np.ravel(np.asarray(speeds)))
-    throws = _throws(scene, w, np.ravel(np.asarray(speeds)), outcome)
+    flat = np.ravel(np.asarray(speeds))
+    w, outcome = best_courses(scene, flat, height)
+    throws = _throws(scene, w, flat, height, outcome)
     return throws if shape else _single(throws)
 
 
 @check_first
-def slowest(scene: Scene, x) -> Throws:
+def slowest(scene: Scene, x, height=0.0) -> Throws:
     """The smallest launch speed with a range of at least x, and its angle.
 
     Args:
       scene: see `hit`.
       x: () distance along the first axis [m], > 0; mirror the scene for throws to the left.
+      height: () height of the launch above the ground [m].
     Raises:
       ValueError: see `hit`.
     Limits: speeds from 1e-3 to 1e15 times sqrt(g x) are tried. See `hit`.
@@ -340,14 +345,14 @@ def slowest(scene: Scene, x) -> Throws:
       >>> round(float(best.speed), 6), round(float(np.degrees(best.angle)), 4)
       (7.176481, 37.8694)
     """
-    scene = check_throw(scene, x=x)
+    scene, height = check_throw(scene, x=x, height=height), _height(height)
     x = float(positive("x", array("x", x, ()), "Mirror the scene for throws to the left."))
     rest = jnp.concatenate([scene.y0[:2], jnp.zeros(2)])
     pull = float(jnp.linalg.norm(scene.rate(jnp.zeros(()), rest)[2:]))
     speeds = np.sqrt(pull * x) * _SPEEDS
     reach, followed = np.zeros(0), True
     for some in np.array_split(speeds, _GROUPS):
-        look = landings(scene, courses(scene, some), some[:, None], LOOK)
+        look = landings(scene, courses(scene, some), some[:, None], LOOK, height=height)
         far = np.where(np.isnan(look.x), -np.inf, look.x).reshape(len(some), -1).max(axis=1)
         reach, followed = np.append(reach, far), followed and are_followed(look).all()
         if (far >= x).any():
@@ -357,28 +362,30 @@ def slowest(scene: Scene, x) -> Throws:
     if reach[enough] < x or before < 0:
         out = Aim.OUT_OF_REACH if followed else Aim.LOST
         nothing = out if reach[enough] < x else Aim.NO_RANGE
-        return _single(_throws(scene, np.full(1, np.nan), np.full(1, np.nan), np.array([nothing])))
+        unknown = np.full(1, np.nan)
+        return _single(_throws(scene, unknown, unknown, height, np.array([nothing])))
 
     def over(log_speed):
         # At the best angle the total derivative with respect to the speed is the partial one
         # (envelope theorem).
-        w, _ = best_courses(scene, np.exp(log_speed))
-        found = landings(scene, w, np.exp(log_speed), along=BY_SPEED)
+        w, _ = best_courses(scene, np.exp(log_speed), height)
+        found = landings(scene, w, np.exp(log_speed), along=BY_SPEED, height=height)
         return found.x - x, found.slope
 
     low, high = np.log(speeds[[before, enough]])[:, None]
     log_speed, fine = root(over, low, high + WIDER)
-    w, outcome = best_courses(scene, np.exp(log_speed))
+    w, outcome = best_courses(scene, np.exp(log_speed), height)
     outcome = np.where(fine, outcome, Aim.NO_CONVERGENCE)
-    return _single(_throws(scene, w, np.exp(log_speed), outcome))
+    return _single(_throws(scene, w, np.exp(log_speed), height, outcome))
 
 
-def _throws(scene: Scene, w, speeds: np.ndarray, outcome: np.ndarray) -> Throws:
+def _throws(scene: Scene, w, speeds: np.ndarray, height: float, outcome: np.ndarray) -> Throws:
     """The throws of these courses, NaN unless found."""
     found = outcome == Aim.FOUND
     one = np.where(found, 1.0, np.nan)
     # A throw straight up is a placeholder where none was found.
-    end = landings(scene, np.where(found, w, 0.0), np.where(found, speeds, 1.0))
+    known = np.where(found, w, 0.0), np.where(found, speeds, 1.0)
+    end = landings(scene, *known, height=height)
     down = np.arctan2(-end.vy, end.vx)
     return Throws(
         speed=speeds,
@@ -386,8 +393,14 @@ def _throws(scene: Scene, w, speeds: np.ndarray, outcome: np.ndarray) -> Throws:
         x=one * end.x,
         t=one * end.t,
         landing=one * down,
+        height=np.full(np.shape(speeds), height),
         outcome=outcome,
     )
+
+
+def _height(height) -> float:
+    remedy = "For a point above the launch see the example of `hit`."
+    return float(at_least_zero("height", array("height", height, ()), remedy))
 
 
 def _single(throws: Throws) -> Throws:

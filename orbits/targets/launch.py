@@ -87,7 +87,7 @@ class End(NamedTuple):
     lost: Array
 
 
-def fall_end(scene: Scene, w: Array, t: Array, r: Array, v: Array) -> End:
+def fall_end(scene: Scene, w: Array, height: Array, t: Array, r: Array, v: Array) -> End:
     """The end of the steady fall that a throw of course w reaches at r (2,) with v (2,)."""
     c, s = direction(w)
 
@@ -103,7 +103,7 @@ def fall_end(scene: Scene, w: Array, t: Array, r: Array, v: Array) -> End:
     up = jnp.stack([s, c])
     sinking = -jnp.sum(up * steady)
     comes = sinking > 0
-    left = jnp.sum(up * r) / jnp.where(comes, sinking, 1.0)
+    left = (height + jnp.sum(up * r)) / jnp.where(comes, sinking, 1.0)
     on_the_way = jax.vmap(lambda part: gain(steady, r + part * left * steady, t + part * left))
     gains = on_the_way(jnp.asarray(_ON_THE_WAY))
     size = _STEADY * jnp.linalg.norm(steady)
@@ -157,7 +157,7 @@ class Landings(eqx.Module):
     """Where throws land; one entry per throw, NaN for a throw that does not.
 
     Attributes:
-      x: (n,) distance from the launch along the first axis, at launch height [m].
+      x: (n,) distance from the launch along the first axis [m].
       t: (n,) time of flight [s].
       slope: (n,) derivative of x along a direction [m]; see `landings`.
       vx: (n,) velocity along the first axis on landing [m/s].
@@ -176,7 +176,15 @@ class Landings(eqx.Module):
     _repr_html_ = _text.html
 
 
-def landings(scene: Scene, w, speed, rtol: float = RTOL, along: np.ndarray = BY_COURSE) -> Landings:
+def landings(
+    scene: Scene,
+    w,
+    speed,
+    rtol: float = RTOL,
+    along: np.ndarray = BY_COURSE,
+    *,
+    height: float = 0.0,
+) -> Landings:
     """Where throws of given courses and speeds land.
 
     The derivative is along one direction, known only at run time, since each use needs one. Both at
@@ -189,9 +197,11 @@ def landings(scene: Scene, w, speed, rtol: float = RTOL, along: np.ndarray = BY_
       speed: (n,) launch speeds [m/s], > 0.
       rtol: tolerance of the integrations.
       along: (2,) direction of the derivative, `BY_COURSE` or `BY_SPEED`.
+      height: height of the launch above the ground [m], not negative.
     """
     w, log_speed = (np.array(x, float).ravel() for x in np.broadcast_arrays(w, np.log(speed)))
-    return _in_chunks(functools.partial(_landings, scene, np.asarray(rtol), along), w, log_speed)
+    numbers = np.asarray(rtol), np.asarray(height, float)
+    return _in_chunks(functools.partial(_landings, scene, *numbers, along), w, log_speed)
 
 
 def free_sine(scene: Scene, speed: np.ndarray) -> np.ndarray:
@@ -254,22 +264,22 @@ def _pull(scene: Scene) -> Array:
     return jnp.linalg.norm(acceleration(scene, jnp.zeros(2)))
 
 
-def _landing(scene: Scene, w: Array, log_speed: Array, rtol: Array):
+def _landing(scene: Scene, w: Array, log_speed: Array, rtol: Array, height: Array):
     speed = jnp.exp(log_speed)
-    fall, units = jax.lax.stop_gradient(_scales(scene, w, speed, rtol))
+    fall, units = jax.lax.stop_gradient(_scales(scene, w, speed, rtol, height))
     system = ThrownSystem(system=scene.system, origin=scene.y0[:2], course=w, units=units)
     start = jnp.zeros(4).at[2].set(speed / units.speeds(jnp.zeros(()))[0])
     # With a span much longer than the flight, the time of the flight would have no digits left.
-    soon, patience = jax.lax.stop_gradient(_patience(scene, speed))
+    soon, patience = jax.lax.stop_gradient(_patience(scene, speed, height))
     longest = jnp.where(jnp.isfinite(fall.settled), jnp.minimum(fall.settled, soon), patience)
     throw = dataclasses.replace(scene, system=system, y0=start)
-    down = Down(w, units.lengths)
+    down = Down(w, units.lengths, height)
     span = longest / units.time
     stop = events.until(throw, down, span, rtol=rtol, atol=rtol, max_steps=_STEPS)
     landed = stop.event >= 0
     r, v = system.position_and_velocity(stop.t, stop.y)
     t_end = stop.t * units.time
-    end = fall_end(scene, w, t_end, r, v)
+    end = fall_end(scene, w, height, t_end, r, v)
     falls = ~landed & jnp.isfinite(fall.settled)
     unsettled = end.lost | (fall.settled > soon)
     c, s = direction(w)
@@ -283,15 +293,16 @@ def _landing(scene: Scene, w: Array, log_speed: Array, rtol: Array):
     return x, (t, vx, vy, jnp.where(lost, jnp.int32(Status.STEP_LIMIT), stop.status))
 
 
-def _patience(scene: Scene, speed: Array) -> tuple[Array, Array]:
+def _patience(scene: Scene, speed: Array, height: Array) -> tuple[Array, Array]:
     """Times () [s] after which a throw has landed: if the force is uniform, and for any force."""
     pull = acceleration(scene, jnp.zeros(2))
-    down = -pull[1]
+    down, g = -pull[1], jnp.linalg.norm(pull)
+    speed = jnp.hypot(speed, jnp.sqrt(2 * g * height))
     soon = jnp.where(down > 0, _PATIENCE * speed / jnp.where(down > 0, down, 1.0), jnp.inf)
-    return soon, _PATIENCE * speed / jnp.linalg.norm(pull)
+    return soon, _PATIENCE * speed / g
 
 
-def _scales(scene: Scene, w: Array, speed: Array, rtol: Array) -> tuple[Fall, Units]:
+def _scales(scene: Scene, w: Array, speed: Array, rtol: Array, height: Array) -> tuple[Fall, Units]:
     """The fall at the end of a throw, and the units of its state when it lands."""
     g, (cosine, sine) = _pull(scene), direction(w)
     launch = speed * jnp.stack([cosine, sine])
@@ -299,7 +310,9 @@ def _scales(scene: Scene, w: Array, speed: Array, rtol: Array) -> tuple[Fall, Un
     slowing = jnp.linalg.norm(acceleration(scene, launch))
     length = speed * speed / jnp.maximum(slowing, g)
     fall = fall_of(scene, launch, length)
-    last = jnp.minimum(g * fall.memory, speed)
+    # A free throw comes down with this vertical speed, in units of the launch speed.
+    sine = jnp.hypot(sine, jnp.sqrt(2 * g * height) / speed)
+    last = jnp.minimum(g * fall.memory, jnp.maximum(speed, speed * sine))
     flat = jnp.minimum(length, speed * speed * sine / g)
     units = Units(
         lengths=flat * jnp.stack([jnp.ones_like(sine), sine]),
@@ -324,10 +337,10 @@ def _free_sines(scene: Scene, counts: Array, speeds: Array) -> Array:
 
 
 @jax.jit
-def _landings(scene: Scene, rtol: Array, along: Array, counts, w, log_speed) -> Landings:
+def _landings(scene: Scene, rtol: Array, height: Array, along, counts, w, log_speed) -> Landings:
     def one(throw):
         x, slope, rest = jax.jvp(
-            lambda w, log_speed: _landing(scene, w, log_speed, rtol),
+            lambda w, log_speed: _landing(scene, w, log_speed, rtol, height),
             throw,
             tuple(along),
             has_aux=True,

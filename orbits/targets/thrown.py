@@ -105,16 +105,17 @@ def rotate(vector: Array, c: Array, s: Array) -> Array:
 
 
 class Down(events.Event):
-    """The event that the height over the launch falls to zero."""
+    """The event that the point falls to the ground, which lies below the launch."""
 
     course: Array
     lengths: Array
+    height: Array  # () of the launch above the ground [m]
 
     def value(self, t, y):
         del t
         forward, across = self.lengths / self.lengths[1]
         c, s = direction(self.course)
-        return s * forward * y[0] + c * across * y[1]
+        return s * forward * y[0] + c * across * y[1] + self.height / self.lengths[1]
 
     @property
     def direction(self):

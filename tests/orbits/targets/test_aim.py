@@ -11,6 +11,7 @@ import mpmath
 import numpy as np
 import pytest
 from helpers import EXACT, SOLVED
+from scipy.integrate import solve_ivp
 
 from jaxdyn import Effect, scenes
 from jaxdyn.analysis._roots import root
@@ -505,11 +506,60 @@ def test_the_picture_shows_every_throw(drag):
     ("best", "message"),
     [
         (50.0, r"best: expected a Throws, got 50\.0"),
-        (aim.Throws(*np.zeros((6, 2))), "best: expected one throw, got 2 throws"),
+        (aim.Throws(*np.zeros((7, 2))), "best: expected one throw, got 2 throws"),
     ],
 )
 def test_a_picture_needs_a_throw(drag, best, message):
     with pytest.raises(ValueError, match=message):
         drawing.throws(drag, best)
     with pytest.raises(ValueError, match=r"hits: expected a Hits, got 80\.0"):
-        drawing.throws(drag, aim.Throws(*np.zeros(6)), 80.0)
+        drawing.throws(drag, aim.Throws(*np.zeros(7)), 80.0)
+
+
+@pytest.mark.parametrize(("speed", "height"), [(15.0, 20.0), (1.0, 1e3), (300.0, 1e-6)])
+def test_throws_from_a_height_are_those_of_the_closed_forms(speed, height):
+    scene, last = scenes.cannonball(g=G), np.sqrt(speed**2 + 2 * G * height)
+    best = aim.farthest(scene, speed, height)
+    assert abs(best.angle - np.arctan2(speed, last)) < 1e-12
+    assert abs(best.x - speed * last / G) < 1e-13 * best.x
+    assert abs(best.landing - np.arctan2(last, speed)) < 1e-12
+    x = 0.9 * float(best.x)
+    found = aim.hit(scene, x, speed, height)
+    part = G * x**2 / (2 * speed**2)
+    upwards = [t for t in np.roots([part, -x, part - height]) if t > 0]
+    np.testing.assert_allclose(found.angles, np.sort(np.arctan(upwards)), rtol=1e-10)
+    np.testing.assert_allclose(found.times, x / (speed * np.cos(found.angles)), rtol=1e-10)
+    least = aim.slowest(scene, x, height)
+    assert abs(least.speed - np.sqrt(G * (np.hypot(x, height) - height))) < 1e-9 * least.speed
+
+
+@pytest.mark.parametrize(("drag", "height"), [(0.01, 100.0), (1.0, 500.0)])
+def test_throws_from_a_height_with_drag_are_those_of_scipy(drag, height):
+    """The second one falls steadily long before it lands."""
+
+    def reach(angle):
+        def rate(t, y):
+            pull = drag * np.hypot(y[2], y[3])
+            return [y[2], y[3], -pull * y[2], -pull * y[3] - G]
+
+        def ground(t, y):
+            return y[1] + height
+
+        ground.terminal = True
+        start = [0.0, 0.0, 50 * np.cos(angle), 50 * np.sin(angle)]
+        options = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13, "events": ground}
+        run = solve_ivp(rate, (0.0, 1e3), start, **options)
+        return run.y_events[0][0][0]
+
+    best = aim.farthest(scenes.cannonball(g=G, drag=drag), 50.0, height)
+    assert best.ok
+    less, x, more = (reach(best.angle + d) for d in (-1e-2, 0.0, 1e-2))
+    assert abs(best.x - x) < 1e-10 * x
+    assert max(less, more) < x
+    closer = [reach(best.angle + d) for d in (-1e-3, 1e-3)]
+    assert abs(closer[1] - closer[0]) < 1e-3 * (2 * x - less - more)  # cubic terms
+
+
+def test_a_height_is_not_negative():
+    with pytest.raises(ValueError, match=r"^height: expected .* For a point above the launch"):
+        aim.farthest(scenes.cannonball(), 10.0, -1.0)
