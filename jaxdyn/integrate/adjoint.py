@@ -339,7 +339,7 @@ def adjoint_flow(
     Raises:
       ValueError: the scene has constraints, or the solver has a fixed step.
     """
-    remedy = "Leave adjoint=True out."
+    remedy = "Leave adjoint= out."
     if field.undetermined(t0, y0) is not None:
         raise _checks.fail("adjoint", "a scene without constraints", "one with some", remedy)
     if not method.adaptive:

@@ -720,8 +720,8 @@ class _Pieces(NamedTuple):
 
     def _after_switch(self, run: _Run) -> tuple[Array, Array]:
         """The state with tangents or adjoints changed by saltation matrices, and `kinked`."""
-        if not hasattr(self.field, "jump"):
-            return run.y, run.kinked
+        if not (hasattr(self.field, "jump") and self.plan.size):
+            return run.y, run.kinked  # steps may end where nothing switches, by `Limits.breaks`
         branch = run.branch
         which, changed = self._switched(run)
         # The rate is continuous where sliding ends, but that of tangents is not.

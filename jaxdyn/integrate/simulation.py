@@ -339,7 +339,7 @@ def _reverse_flow(*args, method: Method, through_steps: bool) -> SolveResult:
         if not any(name in str(error) for name in ("custom_vjp", "custom_lin")):
             raise
         wanted, got = "reverse mode, as of jax.grad or jax.jacrev", "forward mode, as of jax.jacfwd"
-        raise _checks.fail("adjoint", wanted, got, "Leave adjoint=True out.") from error
+        raise _checks.fail("adjoint", wanted, got, "Leave adjoint= out.") from error
 
 
 @functools.partial(jax.jit, static_argnames=("method", "through_steps"))

@@ -96,10 +96,11 @@ def test_aims_are_shown_in_the_units_of_their_scene():  # which may be km, so no
     hits = lines(aim.hit(scenes.cannonball(), 5.0, 10.0))
     # sin(2 a) = g x / v^2.
     low = 0.5 * np.arcsin(9.81 * 5.0 / 100.0)
-    assert hits[:4] == [
+    assert hits[:5] == [
         "Hits",
         "  x        5",
         "  speed    10",
+        "  height   0",
         f"  angles   ({low:.6g}, {np.pi / 2 - low:.6g}) rad",
     ]
     assert hits[-2:] == ["  outcome  FOUND", "  message  The aim was found."]

@@ -553,3 +553,15 @@ def test_breaks_and_longest_steps_of_smooth_motions():
         jaxdyn.simulate(scene, max_step=-1.0)
     with pytest.raises(ValueError, match="breaks"):
         jaxdyn.simulate(scene, breaks=[[1.0]])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("adjoint", [False, True, "steps"])
+def test_breaks_where_nothing_switches_do_not_change_derivatives(adjoint):
+    def end(y0, **options):
+        scene = jaxdyn.ode(lambda t, y: [y[1], -jnp.sin(y[0])], y0)
+        return jaxdyn.solve(scene, 2.0, rtol=1e-12, **options).y1[0]
+
+    y0 = jnp.array([1.0, 0.2])
+    found = jax.grad(lambda y: end(y, breaks=[0.7, 1.3], adjoint=adjoint))(y0)
+    np.testing.assert_allclose(found, jax.grad(end)(y0), rtol=1e-10)
